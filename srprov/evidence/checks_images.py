@@ -5,11 +5,12 @@ Layers are unpacked piece by piece, within limits, and never written.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from hashlib import sha256
 
 from srprov.definitions.lockfile import Lock, load, lock_path
+from srprov.definitions.lockfile import Packages as LockedPackages
 from srprov.errors import DefinitionError
 from srprov.evidence.checks_files import Hashed
 from srprov.evidence.files import ABOUT, Files, NotThere, Undecided, below, content, json_of
@@ -23,6 +24,8 @@ from srprov.oci.packing import most_content, unpacked
 from srprov.untrusted import mapping, mappings, string
 
 _MOST_SBOM = 64 << 20
+_MOST_WORK = 400_000
+"""Of all images: packages, what locks say of them, and files of layers that do: each image is looked at by itself."""
 _NONE = "it holds no images"
 
 
@@ -34,6 +37,7 @@ class Images:
     read: dict[str, databases.Layer] = field(default_factory=dict)
     """Diff id -> what of the layer says something of packages."""
     room: databases.Room = field(default_factory=databases.Room)
+    _stored: tuple[Stored, ...] | None = None
     left: int = field(init=False)
     """Bytes that layers may still become: all together no more than one of their size may."""
 
@@ -54,7 +58,9 @@ class Images:
         """
         if self.way == "none" and not below(self.files, LAYOUT) and not below(self.files, SBOMS):
             raise Undecided(_NONE)
-        return stored(self.files)
+        if self._stored is None:
+            self._stored = stored(self.files)
+        return self._stored
 
     @property
     def way(self) -> str:
@@ -128,38 +134,54 @@ def packages(images: Images, story: Story, strange: str) -> Iterator[str]:
     Raises:
         Undecided: The lists differ, and `strange` says why another srprov may have made them otherwise.
     """
-    every = images.stored()
+    every, locks, work = images.stored(), _locks(story), 0
     for one in every:
         if any(layer.diff_id not in images.read for layer in one.layers):
             yield f"the packages of {one.id} cannot be listed, as its layers are wrong"
             continue
+        layers = {layer.diff_id: images.read[layer.diff_id] for layer in one.layers}
+        said = [each for name in dict.fromkeys(one.names) for each in locks.get(name, ())]
+        work += sum(layer.work for layer in layers.values()) + sum(record.count for _, record in said)
+        if work > _MOST_WORK:
+            yield "its images have longer lists of packages than any run needs"
+            return
         try:
             follows = listed(one, [images.read[layer.diff_id] for layer in one.layers])
         except ValueError as error:
             yield f"the packages of {one.id} cannot be listed: {error}"
             continue
+        work += len(follows.packages)
         there = content(images.files, sbom_name(one.id), _MOST_SBOM)
         if there != sbom.text(follows).encode("utf-8", "replace"):
             if strange:
                 raise Undecided(strange)
             yield f"{sbom_name(one.id)} is not what follows from the image's layers"
-        yield from _recorded(one, follows, story)
+        yield from _recorded(one, follows, said)
     known = {sbom_name(one.id) for one in every}
     yield from (f"{name} is of no image in the bundle" for name in below(images.files, SBOMS) if name not in known)
 
 
-def _recorded(one: Stored, follows: sbom.Sbom, story: Story) -> Iterator[str]:
-    """Compare an image with the packages that a lock says it ended with beyond its base."""
+def _locks(story: Story) -> dict[str, list[tuple[str, LockedPackages]]]:
+    """Return name of an image -> what locks say of it, with their sessions; each lock is read once, for all images."""
+    first = {one.definitions.experiment.file: one.home for one in reversed(story.sessions)}
+    found: dict[str, list[tuple[str, LockedPackages]]] = {}
+    for edf, home in sorted(first.items()):
+        for record in locked(edf).packages:
+            found.setdefault(record.image, []).append((home, record))
+    return found
+
+
+def _recorded(
+    one: Stored, follows: sbom.Sbom, said: Iterable[tuple[str, LockedPackages]]
+) -> Iterator[str]:  # fmt: skip
+    """Compare an image with the packages that locks say it ended with beyond its base."""
     there = {as_named(package) for package in follows.packages}
     if follows.unread:  # it may have more
         return
     platform = "/".join(one.platform[key] for key in ("os", "architecture", "variant") if key in one.platform)
-    for session in story.sessions:
-        for record in locked(session.definitions.experiment.file).packages:
-            if record.image in one.names and record.platform == platform:
-                missing = sorted({*record.apt, *record.pip, *record.npm} - there)
-                if missing:
-                    yield f"{session.home}: the lock says that {record.image} has {', '.join(missing)[:300]}"
+    for home, record in said:
+        if record.platform == platform and (missing := sorted({*record.apt, *record.pip, *record.npm} - there)):
+            yield f"{home}: the lock says that {record.image} has {', '.join(missing)[:300]}"
 
 
 def locked(edf: str) -> Lock:

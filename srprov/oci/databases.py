@@ -44,6 +44,11 @@ class Layer(msgspec.Struct, frozen=True):
     unread: str = ""
     """Why it could not be read to its end, or nothing."""
 
+    @property
+    def work(self) -> int:
+        """How much there is to be looked at of it, for each image that has it."""
+        return len(self.files) + len(self.gone) + len(self.emptied)
+
 
 @dataclass(slots=True)
 class Room:
@@ -127,11 +132,11 @@ def merged(layers: Sequence[Layer]) -> dict[str, bytes]:
     """Return path -> content in the whole image, of its layers from the base up.
 
     A folder that a layer replaces by a link is not noticed: its files stay. Each file is looked at once, against all
-    that the layers above it take away, however many they are.
+    that the layers above it take away, however many they are. A layer that comes again adds nothing below itself.
     """
     found: dict[str, bytes] = {}
     gone, emptied = set[str](), set[str]()
-    for one in reversed(layers):
+    for one in {id(one): one for one in reversed(layers)}.values():
         for path, data in one.files.items():
             if path not in found and not _hidden(path, gone, emptied):
                 found[path] = data

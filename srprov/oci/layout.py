@@ -9,9 +9,10 @@ v1.2.
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import re
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -33,6 +34,8 @@ LONGEST = 4 << 20
 """Bytes of a document."""
 _MOST_DOCUMENTS = 16
 """Of one image, that lead to its configuration."""
+_MOST_NAMED = 1000
+"""Digests in one of them: an index has some for each platform, a manifest one for each layer."""
 _WORD = re.compile("[a-z0-9_-]{0,20}")
 _NAMED = re.compile(rb"sha256:[0-9a-f]{64}")
 
@@ -160,7 +163,7 @@ def leading(engine_ids: Sequence[str], config_id: str, get: Callable[[str], byte
         ValueError: None lead there from one of them.
     """
     found: dict[str, bytes] = {}
-    for one in engine_ids:
+    for one in dict.fromkeys(engine_ids):
         if one != config_id:
             found |= _leading(one, config_id, get)
     return tuple(found[digest] for digest in sorted(found))
@@ -168,14 +171,14 @@ def leading(engine_ids: Sequence[str], config_id: str, get: Callable[[str], byte
 
 def _leading(engine_id: str, config_id: str, get: Callable[[str], bytes | None]) -> dict[str, bytes]:
     found: dict[str, bytes] = {}
-    wanted = [engine_id]
+    wanted = deque([engine_id])
     while wanted and len(found) < _MOST_DOCUMENTS:
-        digest = wanted.pop(0)
+        digest = wanted.popleft()
         data = None if digest in found else get(digest)
         if data is None:
             continue
         found[digest] = data
-        named = [one.decode() for one in _NAMED.findall(data)]
+        named = [one[0].decode() for one in itertools.islice(_NAMED.finditer(data), _MOST_NAMED)]
         if config_id in named:
             return found
         wanted += named

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import msgspec
@@ -38,6 +39,12 @@ from srprov.untrusted import mapping, mappings, parse_json, string
 
 MOST_IMAGES = 200
 _MOST_LAYERS = 512
+_MOST_BYTES = 64 << 20
+"""Of all documents; a layer is none."""
+_LONGEST_LEADING = 256 << 10
+"""Bytes of a document that leads from an engine's id to an image."""
+_MOST_LOOKS, _COST = 200_000, 200
+"""Digests that are looked up for that, and how many a document counts as that is there, and is looked through."""
 _MOST_IDS = 8
 """Of one image: engines have stores of two kinds."""
 _DIGEST = re.compile("sha256:[0-9a-f]{64}")
@@ -53,12 +60,51 @@ class Source(msgspec.Struct, frozen=True):
     """Gives a small file."""
 
 
-def read(source: Source) -> tuple[Stored, ...]:
+@dataclass(slots=True)
+class _Documents:
+    """The documents of a layout: each is read once, however many images name it, and all of them have a most."""
+
+    source: Source
+    read: dict[str, bytes] = field(default_factory=dict)
+    size: int = 0
+    looks: int = 0
+
+    @property
+    def sizes(self) -> Mapping[str, int]:
+        """Return path -> bytes, of all files of the layout."""
+        return self.source.sizes
+
+    def content(self, path: str) -> bytes:
+        """Return a small file.
+
+        Raises:
+            ValueError: All that were read are longer than what any layout has.
+        """
+        if path not in self.read:
+            self.size += self.source.sizes[path]
+            if self.size > _MOST_BYTES:
+                raise ValueError(f"its documents have more than {_MOST_BYTES >> 20} MiB")
+            self.read[path] = self.source.content(path)
+        return self.read[path]
+
+    def look(self, cost: int) -> None:
+        """Count what is looked up on the way from an engine's id to an image.
+
+        Raises:
+            ValueError: It is more than any layout needs.
+        """
+        self.looks += cost
+        if self.looks > _MOST_LOOKS:
+            raise ValueError("too many documents stand between engines' ids and images")
+
+
+def read(files: Source) -> tuple[Stored, ...]:
     """Read a layout.
 
     Raises:
         ValueError: It is not one that srprov wrote.
     """
+    source = _Documents(files)
     if mapping(_document(source, MARK)).get("imageLayoutVersion") != VERSION:
         raise ValueError(f"{MARK} says another version than {VERSION}")
     entries = mappings(_document(source, INDEX).get("manifests"), most=MOST_IMAGES + 1)
@@ -76,7 +122,7 @@ def read(source: Source) -> tuple[Stored, ...]:
     return found
 
 
-def _document(source: Source, path: str) -> Mapping[str, Any]:
+def _document(source: _Documents, path: str) -> Mapping[str, Any]:
     data = _small(source, path)
     try:
         found = parse_json(data.decode("utf-8"))
@@ -87,7 +133,7 @@ def _document(source: Source, path: str) -> Mapping[str, Any]:
     return found
 
 
-def _small(source: Source, path: str) -> bytes:
+def _small(source: _Documents, path: str) -> bytes:
     size = source.sizes.get(path)
     if size is None:
         raise ValueError(f"{path} is missing")
@@ -96,7 +142,7 @@ def _small(source: Source, path: str) -> bytes:
     return source.content(path)
 
 
-def _blob(source: Source, one: Mapping[str, Any], kind: str) -> str:
+def _blob(source: _Documents, one: Mapping[str, Any], kind: str) -> str:
     """Return the digest that a descriptor names; its file is there, and has the size."""
     digest, size = string(one.get("digest")), one.get("size")
     if one.get("mediaType") != kind or not _DIGEST.fullmatch(digest):
@@ -109,14 +155,14 @@ def _blob(source: Source, one: Mapping[str, Any], kind: str) -> str:
     return digest
 
 
-def _checked(source: Source, digest: str) -> bytes:
+def _checked(source: _Documents, digest: str) -> bytes:
     data = _small(source, blob(digest))
     if sha256(data) != digest:
         raise ValueError(f"{blob(digest)} has another content than its name says")
     return data
 
 
-def _image(source: Source, entry: Mapping[str, Any]) -> Stored:
+def _image(source: _Documents, entry: Mapping[str, Any]) -> Stored:
     digest = _blob(source, entry, MANIFEST_TYPE)
     _checked(source, digest)
     manifest = _document(source, blob(digest))
@@ -147,8 +193,10 @@ def _image(source: Source, entry: Mapping[str, Any]) -> Stored:
     )  # fmt: skip
 
 
-def _document_of(source: Source, digest: str) -> bytes | None:
+def _document_of(source: _Documents, digest: str) -> bytes | None:
     """Return the document that has a digest; None where there is none."""
-    if not _DIGEST.fullmatch(digest) or not 0 < source.sizes.get(blob(digest), 0) <= LONGEST:
+    there = _DIGEST.fullmatch(digest) and 0 < source.sizes.get(blob(digest), 0) <= _LONGEST_LEADING
+    source.look(_COST if there else 1)
+    if not there:
         return None
     return _checked(source, digest)

@@ -18,7 +18,7 @@ from msgspec.structs import replace
 
 from srprov.cli.main import run as cli
 from srprov.errors import RefusedError, UsageError
-from srprov.evidence import make_images
+from srprov.evidence import checks_images, make_images
 from srprov.evidence.make import bundle
 from srprov.evidence.verify import Report, verify
 from srprov.oci import layout as oci
@@ -425,3 +425,24 @@ def test_the_good_layout_is_read_whatever_tool_wrote_its_layers(tmp_path: Path) 
     assert failed(verify(str(path))) == {}
     names = [one["name"] for one in json.loads(unpacked(path)[f"sbom/{runner.id[7:]}.cdx.json"])["components"]]
     assert names == ["debian", "curl", "tool"]
+
+
+def test_a_lock_is_read_once_for_all_images_and_sessions(
+    content: Content, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Hundreds of each, in a bundle of a megabyte, would be days."""
+    read: list[str] = []
+    monkeypatch.setattr(checks_images, "load", read.append)
+    one = {name.removeprefix("sessions/1/"): data for name, data in content.items() if name.startswith("sessions/1/")}
+    more = {f"sessions/{number}/{name}": data for number in (2, 3) for name, data in one.items()}
+    verify(str(packed(with_manifest({**content, **more}), tmp_path / "b.zip")))
+    assert [name.rpartition("/")[2] for name in read] == ["race.lock"]
+
+
+def test_images_have_no_more_packages_together_than_a_run_needs(
+    content: Content, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each is looked through by itself, and there may be hundreds of one layer."""
+    monkeypatch.setattr(checks_images, "_MOST_WORK", 5)
+    found = failed(verify(str(packed(content, tmp_path / "b.zip"))))
+    assert found == {"I4": ("its images have longer lists of packages than any run needs",)}

@@ -28,6 +28,16 @@ def test_a_layer_hides_what_is_below_it_and_not_its_own() -> None:
     assert merged([below, middle, Layer({"c": b"4"})])["c"] == b"4"
 
 
+def test_a_layer_that_comes_again_is_looked_at_once() -> None:
+    """As often as an image may have it, for as many images as a bundle may hold, that would be hours."""
+    one = Layer({f"{number}.dist-info/METADATA": b"" for number in range(40_000)})
+    layers = [one, Layer({"a": b"1"}), *[one] * 500]
+    assert bounded(lambda: len(merged(layers)), cpu_s=0.3) == 40_001
+    below, top = Layer({"a/x": b"1", "b": b"1"}), Layer({}, gone=frozenset({"a"}))
+    assert merged([below, top, below]) == {"a/x": b"1", "b": b"1"}
+    assert merged([top, below, top]) == {"b": b"1"}
+
+
 def test_all_layers_together_become_no_more_than_one_of_their_size_may() -> None:
     """Else each of hundreds of small ones could become a gigabyte."""
     sizes = {f"{LAYOUT}blobs/sha256/{number:064x}": 1000 for number in range(200)}
