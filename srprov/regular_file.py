@@ -139,7 +139,8 @@ def _begin(
         if whole and about.st_size > count:
             raise _too_large(path, count)
         pieces, left = [], count + 1  # the kernel's own files give no size, and others may grow
-        while left and (piece := os.read(descriptor, min(left, _PIECE))):
+        at_once = max(_PIECE, about.st_size + 1)  # pieces of a large file would be in memory twice when they are joined
+        while left and (piece := os.read(descriptor, min(left, at_once))):
             pieces.append(piece)
             left -= len(piece)
         return b"".join(pieces), about

@@ -18,7 +18,8 @@ from srprov.errors import UsageError, visible
 if TYPE_CHECKING:
     from srprov.report.material import Material
 
-_MOST_PAGE = 512 * regular_file.MIB
+_MOST_PAGE = 192 * regular_file.MIB
+"""Of one whose data is taken out: what is in it has at most 128 MiB, and is packed."""
 _PIECE = 1 << 20
 
 
@@ -90,7 +91,7 @@ def _extract(page: Path, target: str | None) -> int:
     from srprov.report.embed import extracted
 
     try:
-        data = extracted(regular_file.read_text(page, _MOST_PAGE))
+        data = extracted(regular_file.read(page, _MOST_PAGE))
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else error
         raise UsageError(

@@ -6,6 +6,7 @@ A bundle is a stranger's. The folder of a run is one's own; links in it are refu
 from __future__ import annotations
 
 import hashlib
+import io
 import os
 import re
 import stat
@@ -69,7 +70,10 @@ def content(files: Files, name: str, most: int = MOST_TEXT) -> bytes:
         raise NotThere(f"{name} is missing")
     if size > most:
         raise NotThere(f"{name} is larger than {most >> 20} MiB")
-    return b"".join(files.pieces(name))
+    whole = io.BytesIO()  # not a list of pieces, which would be in memory twice when they are joined
+    for piece in files.pieces(name):
+        whole.write(piece)
+    return whole.getvalue()
 
 
 def json_of(files: Files, name: str) -> Mapping[str, Any]:

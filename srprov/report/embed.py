@@ -22,8 +22,7 @@ _LARGE = 64 * 1024
 MOST = 128 << 20
 """Bytes of unpacked data that are taken out of a page."""
 _LINK = re.compile(
-    r'<a id="data" download="[^"<>]{1,300}" href="data:application/(json|gzip);base64,([A-Za-z0-9+/=]*)"',
-    re.ASCII,
+    rb'<a id="data" download="[^"<>]{1,300}" href="data:application/(json|gzip);base64,([A-Za-z0-9+/=]*)"'
 )
 
 
@@ -39,7 +38,7 @@ def _link(name: str, kind: str, data: bytes) -> Html:
     return el("a", name, id="data", download=name, href=kind + base64.b64encode(data).decode("ascii"))
 
 
-def extracted(page: str) -> bytes:
+def extracted(page: bytes) -> bytes:
     """Return the data that `link` put into a page.
 
     Raises:
@@ -50,7 +49,7 @@ def extracted(page: str) -> bytes:
         raise ValueError("it holds no data of srprov")
     try:
         data = base64.b64decode(found[2], validate=True)
-        if found[1] == "json":
+        if found[1] == b"json":
             return data
         unpacked = zlib.decompressobj(wbits=31)
         whole = unpacked.decompress(data, MOST)

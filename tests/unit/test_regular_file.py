@@ -48,6 +48,12 @@ def test_what_is_no_file_of_the_size_is_refused(here: Path, name: str, says: str
         assert says in caught.value.strerror
 
 
+def test_a_large_file_is_in_memory_once(here: Path) -> None:
+    """Sparse ones cost whoever sends them nothing."""
+    os.truncate("sparse", 200 << 20)
+    assert bounded(lambda: len(regular_file.read("sparse", 256 << 20))) == 200 << 20
+
+
 def test_a_file_is_read_up_to_its_limit(here: Path) -> None:
     assert regular_file.read("file", 5) == b"12345"
     with pytest.raises(OSError, match="it is larger than 4 bytes"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import gzip
 import json
+import os
 import resource
 import subprocess
 import sys
@@ -18,6 +19,8 @@ from srprov.evidence import files
 from srprov.report import read
 from srprov.report.page import page
 from srprov.report.read import of_run
+from tests.bounded import bounded
+from tests.unit.evidence.bundles import packed
 from tests.unit.report.records import run as a_run
 from tests.unit.report.records import write
 
@@ -92,3 +95,18 @@ def test_a_small_page_takes_little_memory_when_its_data_is_taken_out(
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, b"")
+
+
+def test_a_sparse_file_takes_no_more_memory_than_its_size(tmp_path: Path) -> None:
+    """It costs whoever sends it nothing: as a plan, as a page, and as the plan in a bundle's session."""
+    sparse = tmp_path / "sparse"
+    sparse.touch()
+    for size, words in ((190 << 20, ["--extract"]), (500 << 20, ["--extract"]), (250 << 20, ["-o", "page.html"])):
+        os.truncate(sparse, size)
+        assert bounded(lambda words=words: run(["report", str(sparse), *words]), cpu_s=4) == 5
+
+
+def test_a_large_file_of_a_bundle_is_in_memory_once(tmp_path: Path) -> None:
+    path = packed({"a": b"\0" * (200 << 20)}, tmp_path / "b.zip")
+    with files.opened(str(path)) as archive:
+        assert bounded(lambda: len(files.content(archive, "a", 256 << 20))) == 200 << 20

@@ -111,7 +111,7 @@ def test_the_data_comes_out_again_as_it_went_in(tmp_path: Path, capsys: pytest.C
         text = (tmp_path / "page.html").read_text()
         assert f"data:application/{kind};base64," in text
         result = (folder / "result.json").read_bytes()
-        assert extracted(text) == result
+        assert extracted(text.encode()) == result
         assert run(["report", str(tmp_path / "page.html"), "--extract", "-o", str(tmp_path / "out.json")]) == 0
         assert (tmp_path / "out.json").read_bytes() == result
         capsys.readouterr()
@@ -143,7 +143,7 @@ def test_a_run_that_was_killed_says_so(tmp_path: Path) -> None:
     assert "! Not ended" in page.text
     for words in ("there is no result.json", "there is no facts.json", "events.jsonl has 1 lines that are no events"):
         assert words in page.text
-    assert json.loads(extracted((tmp_path / "page.html").read_text()))["verb"] == "apply"
+    assert json.loads(extracted((tmp_path / "page.html").read_bytes()))["verb"] == "apply"
 
 
 @pytest.mark.parametrize(
@@ -186,7 +186,7 @@ def test_long_texts_are_cut_and_say_so(tmp_path: Path) -> None:
     page = page_of(write(tmp_path / "run", files), tmp_path / "page.html")
     assert (tmp_path / "page.html").stat().st_size < 150_000
     assert "… (1046000 more characters)" in page.text and "… (1049600 more characters)" in page.text
-    assert extracted((tmp_path / "page.html").read_text()) == (tmp_path / "run" / "result.json").read_bytes()
+    assert extracted((tmp_path / "page.html").read_bytes()) == (tmp_path / "run" / "result.json").read_bytes()
 
 
 def test_a_plan_is_a_page_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -198,7 +198,7 @@ def test_a_plan_is_a_page_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         and "48 to add; 4 unchanged." in page.text
         and "1 step destroys data" in page.text
     )
-    inside = json.loads(extracted((tmp_path / "page.html").read_text()))
+    inside = json.loads(extracted((tmp_path / "page.html").read_bytes()))
     assert wrong_numbers(page, inside) == [] and len(inside["steps"]) == 48 and "proof" not in inside
     capsys.readouterr()
     assert run(["report", str(tmp_path / "plan.json"), "-o", str(tmp_path / "page.html"), "--json"]) == 0
@@ -209,7 +209,7 @@ def test_a_plan_is_a_page_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 def test_a_bundle_has_its_trials_and_what_each_robot_would_have_cost(tmp_path: Path) -> None:
     page = page_of(RACE, tmp_path / "page.html")
     loads_nothing(page)
-    inside = json.loads(extracted((tmp_path / "page.html").read_text()))
+    inside = json.loads(extracted((tmp_path / "page.html").read_bytes()))
     assert wrong_numbers(page, inside) == []
     assert sum(tag == "circle" for tag, _ in page.elements) == 3 * 17 + 3 * 18, "one attempt has no steps"
     shown = {pointer for pointer, _, _ in page.numbers}
