@@ -16,7 +16,7 @@ from srprov.cli.output import counted, err, out, out_json
 from srprov.cli.stored_facts import FACTS, stored_facts
 from srprov.codes import Code
 from srprov.controller.request import PlanRequest
-from srprov.errors import UsageError
+from srprov.errors import UsageError, visible
 
 if TYPE_CHECKING:
     from srprov.controller.compose import Source
@@ -180,9 +180,9 @@ def _tell(made: Export, target: Path, *, as_json: bool) -> None:
         out_json(report_json(made))
         return
     for note in made.notes:
-        err(f"note: {note}")
+        err(f"note: {visible(note)}")
     out("\n".join(report_lines(made)))
     for need in made.needs:
-        out(f"you must give the {need.kind} {need.name}: {need.what}")
+        out(visible(f"you must give the {need.kind} {need.name}: {need.what}"))
     files = dict.fromkeys(f"{one.folder}{one.file}" for one in made.machines)
     out(f"{target}: {', '.join(files)}, and {counted(len(made.files) - len(files), 'file')} beside")

@@ -80,9 +80,9 @@ def _handle(one: Formatted, *, write: bool, diff: bool) -> None:
 
 
 def _difference(before: str, after: str, name: str) -> str:
-    old, new = before.splitlines(), after.splitlines()
+    old, new, name = before.splitlines(), after.splitlines(), visible(name)
     if max(len(old), len(new)) > _MOST_LINES:
-        return f"{visible(name)}: it would change; a file of more than {_MOST_LINES} lines is not shown"
+        return f"{name}: it would change; a file of more than {_MOST_LINES} lines is not shown"
     return "\n".join(difflib.unified_diff(old, new, name, f"{name} (formatted)", lineterm=""))
 
 

@@ -157,7 +157,7 @@ class _Shown:
     def say(self, news: TrialNews) -> None:
         """Show one moment of a trial."""
         values = "".join(f" {name}={value}" for name, value in news.values.items())
-        line = f"[{news.order}/{news.trials}] {news.trial}{values}: {news.what}"
+        line = visible(f"[{news.order}/{news.trials}] {news.trial}{values}: {news.what}")
         if news.aloud:
             output_options.note(line)
         self.status = line
@@ -166,7 +166,7 @@ class _Shown:
 def _pause(seconds: float, prompt: str) -> None:
     """Wait between two trials, for a person too where there is one."""
     if prompt and sys.stdin.isatty():
-        err(f"{prompt}; then press Enter")
+        err(f"{visible(prompt)}; then press Enter")
         input()
     time.sleep(seconds)
 

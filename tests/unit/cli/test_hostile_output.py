@@ -16,15 +16,19 @@ from hypothesis import strategies as st
 
 from srprov.cli import output, progress
 from srprov.cli.logs import _Text
+from srprov.cli.main import run
 from srprov.cli.output import clean, out_json
 from srprov.cli.status import table
 from srprov.codes import Code
 from srprov.controller.merged_logs import LogLine, Source
+from srprov.controller.trials import Trials
 from srprov.errors import RefusedError, visible
 from srprov.execution import Event
 from srprov.secret import forget
 from srprov.session import Session
+from tests.fakes import World
 from tests.hostile import WORDS, texts, unprintable
+from tests.unit.cli.test_trial_marks import done
 
 
 @pytest.fixture(autouse=True)
@@ -133,3 +137,46 @@ def test_pictures_take_any_name(tmp_path: Path) -> None:
     answer = assign(experiment(service("a")), found(robot("$\\frac{$"), robot("<script>")))
     draw(answer, (), tmp_path / "x.svg", "svg")
     assert "<script>" not in (tmp_path / "x.svg").read_text()
+
+
+FORGED = "x\nerror[SRP-999]: forged, see https://evil.example"
+SECRET = f"""\
+edf: 1
+name: a
+secrets: {{key: {{command: [sh, -c, {json.dumps(FORGED)}]}}}}
+services: {{a: {{image: busybox, secrets: [key]}}}}
+"""
+TRIALS = f"""\
+edf: 1
+name: a
+services: {{a: {{image: busybox, robot: r1, command: [go]}}}}
+parameters: {{SPEED: [{json.dumps(FORGED)}]}}
+trials: {{order: listed, timeout: 5s}}
+"""
+
+
+def told_in_lines(capsys: pytest.CaptureFixture[str]) -> list[str]:
+    told = capsys.readouterr()
+    assert "forged" in told.out + told.err
+    return [line for line in (told.out + told.err).splitlines() if line.startswith("error[SRP-999]")]
+
+
+def test_what_an_export_says_must_be_given_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "e.edf").write_text(SECRET)
+    assert run(["export", "compose", str(tmp_path / "e.edf"), "-o", str(tmp_path / "out")]) == 0
+    assert told_in_lines(capsys) == []
+
+
+def test_the_name_of_a_file_begins_no_line_of_a_difference(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "x\nerror[SRP-999]: forged\n.edf").write_text("edf: 1\nname:    a\nservices: {a: {image: b}}\n")
+    assert run(["fmt", "--diff", str(tmp_path)]) == 2
+    assert told_in_lines(capsys) == []
+
+
+def test_a_value_of_a_parameter_begins_no_line_of_a_run(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "t.edf").write_text(TRIALS)
+    monkeypatch.setattr(Trials, "_done", done)
+    assert run(["run", "t.edf", "-i", "inv.yml", "-o", "out", "--yes"]) == 0
+    assert told_in_lines(capsys) == []
