@@ -299,3 +299,12 @@ def test_a_plan_that_is_too_long_for_a_comment_is_cut_and_says_so() -> None:
     assert len(cut) <= told.LONGEST and cut.count("<details>") == cut.count("</details>") == 1
     assert "Too long for a comment" in cut.splitlines()[-1]
     assert told.fitting("short") == "short"
+
+
+@pytest.mark.parametrize("hook", yaml.safe_load((ROOT / ".pre-commit-hooks.yaml").read_text(encoding="utf-8")))
+def test_the_name_of_a_file_is_no_option_of_a_hook(repository: Repository, hook: dict[str, Any]) -> None:
+    """It stands where a stranger put it, and pre-commit gives names as they are."""
+    repository.write("--profile=x.edf", "edf: 1\nservices: {a: {image: x, cots: 3}, a: {image: x}}\n")
+    words = [*hook["entry"].split()[1:], *hook.get("args", ()), "--profile=x.edf", "e.edf"]
+    done = repository.run(repository.environment, str(repository.program), *words)
+    assert done.returncode == 5 and "--profile=x.edf:2:" in done.stdout + done.stderr
