@@ -180,6 +180,9 @@ class _Tree:
                 below = os.open(name, _FOLDER, dir_fd=source)
                 os.close(source)
                 source = below
+            if not stat.S_ISREG(os.stat(first[-1], dir_fd=source, follow_symlinks=False).st_mode):
+                # a link that took the file's place leads out from where its second name lies
+                raise TarError(f"{header.name[:80]!r} is another name of what is no file")
             with self._beside(folder, parts) as name:
                 os.link(first[-1], name, src_dir_fd=source, dst_dir_fd=folder, follow_symlinks=False)
         finally:

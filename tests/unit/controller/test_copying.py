@@ -360,6 +360,17 @@ def test_a_link_in_the_place_of_what_is_copied_leads_nowhere(here: Path) -> None
         assert os.listdir("copy") == ["f"] and os.listdir("elsewhere") == []
 
 
+def test_a_second_name_of_a_file_whose_place_a_link_took_leads_nowhere(here: Path) -> None:
+    """The link stays inside where it lies; its second name, further up, would not."""
+    (here / "outside").write_text("mine")
+    made = tar(
+        ("d", DIR, ""), ("d/s", DIR, ""), ("d/s/f", FILE, "x"), ("d/s/f", SYM, "../outside"), ("d/h", HARD, "d/s/f"),
+    )  # fmt: skip
+    with pytest.raises(UsageError, match="another name of what is no file"):
+        unpack(iter([made]), Target(folder=".", name="copy"), Copied(), preserve=False)
+    assert os.readlink("copy/s/f") == "../outside" and not os.path.lexists("copy/h")
+
+
 def test_links_out_devices_and_pipes_are_left_out_and_told(here: Path) -> None:
     made = tar(
         ("d", DIR, ""), ("d/f", FILE, "x"), ("d/in", SYM, "f"), ("d/abs", SYM, "/etc/passwd"), ("d/up", SYM, "../x"),
