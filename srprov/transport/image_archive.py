@@ -26,6 +26,8 @@ _OTHER_LISTS = ("repositories", "index.json", "oci-layout")
 _LONGEST_LIST = 1 << 20
 _LONGEST_DOCUMENT = 1 << 20
 _MOST_DOCUMENTS = 64
+_DEEPEST = 8
+"""Parts of a path; engines write three."""
 _DIGEST = re.compile("sha256:[0-9a-f]{64}")
 
 
@@ -48,12 +50,13 @@ def only(chunks: Iterator[bytes], image: str, ids: Collection[str] = ()) -> Iter
     listed: bytes | None = None
     small: dict[str, bytes] = {}
     names: set[str] = set()
+    folders: set[str] = set()
     try:
         archive = TarStream(chunks)
         for member in archive:
             name = posixpath.normpath(member.name)
             if not member.isdir():
-                _check(name, member, names)
+                _check(name, member, names, folders)
             if name == _LIST:
                 listed = _small(archive, member)
             elif name not in _OTHER_LISTS and not member.isdir():
@@ -67,15 +70,23 @@ def only(chunks: Iterator[bytes], image: str, ids: Collection[str] = ()) -> Iter
     yield b"\0" * 1024
 
 
-def _check(name: str, member: tarfile.TarInfo, names: set[str]) -> None:
-    """Refuse what no engine writes: paths that leave the archive, files that come twice, lists that are links."""
+def _check(name: str, member: tarfile.TarInfo, names: set[str], folders: set[str]) -> None:
+    """Refuse what no engine writes: paths that leave the archive, files that come twice, lists that are links.
+
+    Nothing lies below a link or a file either: what is compared here under one name would be read under another.
+    """
     target = posixpath.normpath(posixpath.join(posixpath.dirname(name), member.linkname)) if member.issym() else name
     lists = (_LIST, *_OTHER_LISTS)
-    if any(path.startswith(("/", "..")) for path in (name, target)):
+    parts = name.split("/")
+    if any(path.startswith(("/", "..")) for path in (name, target)) or name == "." or len(parts) > _DEEPEST:
         raise ForeignImage(f"{name!r} is no file that an image has")
     if name in names or (member.issym() and (target in lists or name in lists)):
         raise ForeignImage(f"{name!r} comes twice")
+    above = {"/".join(parts[:end]) for end in range(1, len(parts))}
+    if name in folders or not names.isdisjoint(above):
+        raise ForeignImage(f"{name!r} is a file or a link, or lies below one, where others have a folder")
     names.add(name)
+    folders |= above
 
 
 def _passed_on(archive: TarStream, member: tarfile.TarInfo, name: str, small: dict[str, bytes]) -> Iterator[bytes]:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import tarfile
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 
 import pytest
 from hypothesis import given
@@ -15,6 +16,7 @@ from srprov.transport.image_archive import ForeignImage, only
 from tests.unit.transport.archives import image_id, loadable, saved
 
 WANTED = {"srprov/x:1": b"layer" * 1000}
+GOOD = b'{"of": "what was built"}'
 
 
 def pieces(data: bytes, size: int) -> Iterator[bytes]:
@@ -70,6 +72,33 @@ def test_a_layer_that_is_a_link_to_another_comes_through() -> None:
     """Docker writes a layer that comes twice as a link."""
     link = member("b/layer.tar", tarfile.SYMTYPE, "../a/layer.tar")
     assert loadable(passed(saved(WANTED, [(member("a/layer.tar"), b"x"), (link, b"")]))) == WANTED
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        (("b", "a"), ("a/c.json", GOOD), ("b/c.json", b"evil")),
+        (("a/c.json", GOOD), ("b/c.json", b"evil"), ("a", "b")),
+        (("a/c.json", GOOD), ("b/c.json", b"evil"), ("a", b"")),
+        (("a", b""), ("a/c.json", GOOD)),
+        ((".", "a"), ("a/c.json", GOOD)),
+        (("a/" * 20 + "x", b""), ("a/c.json", GOOD)),
+    ],
+    ids=["below a link", "a link comes later", "a file comes later", "below a file", "all is a link", "too deep"],
+)
+def test_no_file_is_read_under_another_name_than_it_was_compared_under(
+    order: Sequence[tuple[str, str | bytes]],
+) -> None:
+    """An engine that unpacks it would follow a link to a configuration that nobody compared with the id."""
+    listed = json.dumps([{"Config": "a/c.json", "RepoTags": ["srprov/x:1"], "Layers": ["l/layer.tar"]}]).encode()
+    made = io.BytesIO()
+    with tarfile.open(fileobj=made, mode="w") as archive:
+        for name, what in (*order, ("l/layer.tar", b"layer"), ("manifest.json", listed)):
+            one = member(name, tarfile.SYMTYPE if isinstance(what, str) else tarfile.REGTYPE)
+            one.linkname, one.size = (what, 0) if isinstance(what, str) else ("", len(what))
+            archive.addfile(one, io.BytesIO(b"" if isinstance(what, str) else what))
+    with pytest.raises(ForeignImage):
+        passed(made.getvalue(), known=[f"sha256:{hashlib.sha256(GOOD).hexdigest()}"])
 
 
 @pytest.mark.parametrize("data", [b"", b"x" * 2000, saved(WANTED)[:3000], saved({"other:1": b"x"}), b"\0" * 4096])
