@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     Stream = paramiko.Channel | socket.socket
 
 _PIECE = 32 * 1024
+_READ = 64 * 1024
 _WRITING = 1
 """`socket.SHUT_WR`."""
 _BOTH_WAYS = 2
@@ -100,7 +101,7 @@ class EngineSocket:
                 raise EngineGone(self._complaint() or f"the connection to the engine broke: {error}") from error
             if not sent:
                 raise EngineGone(self._complaint() or "the connection to the engine was closed")
-            self._give_back(sent)
+            self.give_back(sent)
             view = view[sent:]
 
     def close_writing(self) -> None:
@@ -114,11 +115,11 @@ class EngineSocket:
             data = stream.recv(min(len(buffer), 1 << 20))
         if not data and (why := self._complaint()):
             raise EngineGone(why)
-        self._give_back(len(data))
         buffer[: len(data)] = data
         return len(data)
 
-    def _give_back(self, size: int) -> None:
+    def give_back(self, size: int) -> None:
+        """Count bytes of content, which give a wait for all together some time back; headers and trailers are none."""
         if self._waits is not None:
             self._left = min(self._waits, self._left + size / LEAST_RATE)
 
@@ -183,7 +184,17 @@ class _Reader(io.BufferedReader):
         """
         if size is None or size < 0:
             raise EngineGone("it sends pieces of a length that is none")
-        return super().read(size)
+        parts: list[bytes] = []
+        while size > 0 and (piece := self.read1(min(size, _READ))):
+            parts.append(piece)
+            size -= len(piece)
+        return b"".join(parts)
+
+    def read1(self, size: int = -1, /) -> bytes:
+        """Return what is here; http.client reads content so, and all else by lines."""
+        piece = super().read1(size)
+        self._owner.give_back(len(piece))
+        return piece
 
     def close(self) -> None:
         self._owner.answer_read()

@@ -142,3 +142,27 @@ def test_an_engine_that_takes_nothing_is_not_waited_for_forever(
     with pytest.raises(TransportError, match="of /out not all came: the Docker Engine did not answer within"):
         list(session.copy_out("c", "/out"))
     assert time.monotonic() - began < 30
+
+
+ENDLESS = {
+    "trailers": (b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n1\r\nx\r\n0\r\n", b"X-More: 1\r\n" * 50),
+    "answers before the answer": (b"HTTP/1.1 100 Continue\r\n\r\n", b"HTTP/1.1 100 Continue\r\n\r\n" * 20),
+    "a header": (b"HTTP/1.1 200 OK\r\nX-Long: ", b"x" * 50),
+    "the length of a piece": (b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n1;", b"x" * 50),
+}
+
+
+@pytest.mark.parametrize("what", ENDLESS)
+@pytest.mark.parametrize("verb", ["cp", "logs"])
+def test_what_is_no_content_gives_no_time_back(
+    session: Session, play: Callable[[Answer], PlayedEngine], monkeypatch: pytest.MonkeyPatch, what: str, verb: str
+) -> None:
+    """However much of it comes: a robot would be waited for without end, and nothing said so."""
+    monkeypatch.setattr("srprov.transport.engine.archive._WAIT_S", 0.5)
+    monkeypatch.setattr("srprov.transport.engine.client._LOG_TIMEOUT_S", 0.5)
+    engine = play(lambda *_: b"")
+    engine.trickle, engine.trickled = (ENDLESS[what][0], 0.005), ENDLESS[what][1]
+    begin = time.monotonic()
+    with pytest.raises(TransportError, match="did not answer within"):
+        list(session.copy_out("c", "/out") if verb == "cp" else session.container_log("c", tail=-1, follow=False))
+    assert time.monotonic() - begin < 5

@@ -89,6 +89,8 @@ class PlayedEngine:
         """The answer after which it hangs up."""
         self.trickle = (b"", 0.0)
         """An answer's head, after which bytes come one by one, so many seconds apart."""
+        self.trickled = b"x"
+        """What comes then, again and again for some seconds."""
         self._answer = answer
         self._server = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._server.bind(str(path))
@@ -133,9 +135,10 @@ class PlayedEngine:
 
     def _trickle(self, sock: socket.socket, head: bytes, pause_s: float) -> None:
         sock.sendall(head)
-        while head:
+        until = time.monotonic() + 20
+        while head and time.monotonic() < until:
             time.sleep(pause_s)
-            sock.sendall(b"x")
+            sock.sendall(self.trickled)
 
 
 @pytest.fixture
