@@ -19,6 +19,8 @@ import msgspec
 _MOST_CONTENT = 64 << 30
 """Bytes of one content: what a few bytes can become when they are decompressed has no other limit."""
 _PIECE = 1 << 20
+_EMPTY = 1 << 20
+"""Bytes of gzip beyond what they become: its blocks may have nothing in them, and then have no end."""
 
 
 class WrongBlob(Exception):
@@ -126,10 +128,21 @@ def compared(digest: str, path: Path, pieces: Iterable[bytes]) -> Blob:
 
 
 def inflated(pieces: Iterable[bytes]) -> Iterator[bytes]:
-    """Yield what gzip's pieces become, in pieces of at most 1 MiB; raises zlib.error."""
-    unpacker = zlib.decompressobj(wbits=31)
+    """Yield what gzip's pieces become, in pieces of at most 1 MiB.
+
+    Raises:
+        zlib.error: They are not one gzip file, or hold next to nothing.
+    """
+    unpacker, came, given = zlib.decompressobj(wbits=31), 0, 0
     for piece in pieces:
-        yield from _unpacked(unpacker, piece)
+        if unpacker.eof:  # zlib would keep all that follows
+            raise zlib.error("something follows the compressed content")
+        came += len(piece)
+        for content in _unpacked(unpacker, piece):
+            given += len(content)
+            yield content
+        if came > given + given // 8 + _EMPTY:
+            raise zlib.error("it holds next to nothing")
 
 
 def _unpacked(unpacker: zlib._Decompress, piece: bytes) -> Iterator[bytes]:

@@ -14,7 +14,6 @@ import json
 import re
 import zlib
 from binascii import a2b_base64
-from collections import deque
 from collections.abc import Callable, Iterator
 
 from srprov.engine_files import DRIVER, config_script, layer_script
@@ -47,6 +46,8 @@ _MOST_ENTRIES = 200_000
 _LONGEST_NAME = 4096
 _MOST_NAMES = 32 << 20
 """Bytes of all names."""
+_MOST_AFTER = 1 << 20
+"""Bytes that are read behind the last file."""
 _PIECE = 256 << 10
 
 
@@ -114,7 +115,7 @@ class LayerFiles:
             contents = TarStream(pieces if raw else inflated(pieces), most_members=names.count(b"\0"))
             blob = self._blobs.add_content(digest, _joined(_tar(split, contents)), raw=raw)
             if names:
-                deque(pieces, maxlen=0)  # to the end of the script, which tidies up
+                _end(pieces)  # of the script, which tidies up
             return blob
         finally:
             streams.close()
@@ -128,6 +129,13 @@ def _exactly(pieces: Iterator[bytes], size: int) -> bytes:
     if len(got) != size:
         raise NotInFiles("its list of files is cut off, or goes on")
     return bytes(got)
+
+
+def _end(pieces: Iterator[bytes]) -> None:
+    """Read what fills tar's last record, and nothing that has no end."""
+    left = _MOST_AFTER
+    while left > 0 and (piece := next(pieces, b"")):
+        left -= len(piece)
 
 
 def _names(split: bytes) -> tuple[bytes, int]:

@@ -16,7 +16,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from srprov.transport.blob import inflated
 from srprov.transport.blobs import Blobs, WrongBlob, default_folder
+from tests.bounded import bounded
 
 
 def digest_of(content: bytes) -> str:
@@ -169,3 +171,24 @@ def test_the_cache_is_where_other_caches_are(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setenv("XDG_CACHE_HOME", "relative")
     monkeypatch.setenv("HOME", "/home/x")
     assert default_folder() == Path("/home/x/.cache/srprov/blobs")
+
+
+@pytest.mark.parametrize("what", ["empty blocks", "what follows the end"])
+def test_gzip_that_holds_nothing_ends(what: str) -> None:
+    """Blocks of nothing come without end, and zlib keeps what follows the end in memory."""
+    packer = zlib.compressobj(1, wbits=31)
+    begin = packer.compress(b"x" * 1000) + packer.flush(zlib.Z_FULL_FLUSH if what == "empty blocks" else zlib.Z_FINISH)
+    more = b"\0\0\0\xff\xff" * 200_000 if what == "empty blocks" else bytes(1 << 20)
+    taken = itertools.count()
+    pieces = itertools.chain([begin], (more for _ in itertools.takewhile(lambda at: at < 1000, taken)))
+
+    def read() -> None:
+        with pytest.raises(zlib.error):
+            for _ in inflated(pieces):
+                pass
+
+    bounded(read)
+    tracemalloc.start()
+    read()
+    assert tracemalloc.get_traced_memory()[1] < 16 << 20 and next(taken) < 10
+    tracemalloc.stop()

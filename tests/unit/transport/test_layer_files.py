@@ -8,6 +8,7 @@ import gzip
 import io
 import json
 import os
+import re
 import tarfile
 import time
 from collections import deque
@@ -274,3 +275,16 @@ def test_a_robot_whose_tar_is_another_saves_the_image(engine: Engine, tmp_path: 
     tar.chmod(0o755)
     said = engine.read(tmp_path)
     assert engine.saved == 1 and any("no GNU tar" in line for line in said), said
+
+
+def test_what_follows_the_files_of_a_layer_is_not_read_to_its_end(
+    engine: Engine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It may have none."""
+    monkeypatch.setattr(layer_files, "LARGE", 100_000)
+    tar = engine.robot.folder / "bin/tar"
+    tar.write_text('#!/bin/sh\n/bin/tar "$@"\n[ "$1" = --version ] || exec head -c 200000000 /dev/zero\n')
+    tar.chmod(0o755)
+    said = engine.read(tmp_path, fast=True)
+    copied = [float(found[1]) for line in said if (found := re.search(r"([0-9.]+) MiB copied", line))]
+    assert engine.saved == 0 and copied and max(copied) < 20
