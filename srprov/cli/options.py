@@ -205,7 +205,7 @@ def budget(text: str, robots: int) -> int | None:
     """
     if not text:
         return None
-    if not (number := text.removesuffix("%")).isdigit() or (text.endswith("%") and int(number) > 100):
+    if not (number := text.removesuffix("%")).isdecimal() or (text.endswith("%") and int(number) > 100):
         wrong = f"--max-fail takes a number of robots or a share, not '{text}'"
         raise UsageError(wrong, hint="e.g. 1 or 25%", code=Code.OPTION_VALUE)
     return int(number) * robots // 100 if text.endswith("%") else int(number)

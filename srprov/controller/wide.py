@@ -94,11 +94,11 @@ def _ports(published: Mapping[str, Any]) -> list[dict[str, Any]]:
     found = []
     for name, ends in sorted(published.items())[:_MOST]:
         port, _, protocol = name.partition("/")
-        if not (port.isascii() and port.isdigit() and len(port) <= 5 and protocol in ("tcp", "udp", "sctp")):
+        if not (port.isascii() and port.isdecimal() and len(port) <= 5 and protocol in ("tcp", "udp", "sctp")):
             continue
         for end in mappings(ends, most=_MOST):
             at = string(end.get("HostPort"))
-            outside = int(at) if at.isascii() and at.isdigit() and len(at) <= 5 else None
+            outside = int(at) if at.isascii() and at.isdecimal() and len(at) <= 5 else None
             one = {"port": int(port), "protocol": protocol, "robot_port": outside}
             found.append({**one, "robot_address": text(end.get("HostIp"), length=60)})
     return found[:_MOST]

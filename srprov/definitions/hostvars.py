@@ -171,7 +171,7 @@ def why_unknown(node: Node) -> str:
 
 
 def _port(text: str) -> int | None:
-    if not text.isascii() or not text.isdigit() or not 1 <= int(text[:9]) <= 65535:
+    if not text.isascii() or not text.isdecimal() or not 1 <= int(text[:9]) <= 65535:
         raise ValueError(f"'{text[:40]}' is not a port within 1 to 65535")
     return int(text)
 

@@ -36,18 +36,18 @@ def expand(text: str) -> list[str]:
 
 def _parts(match: re.Match[str]) -> list[str]:
     first, last, step = match[1], match[2], int(match[3] or 1)
-    if first.isdigit() != last.isdigit():
+    if first.isdecimal() != last.isdecimal():
         raise ValueError(f"the range '{match[0]}' mixes digits and letters")
-    low, high = (int(first), int(last)) if first.isdigit() else (ord(first), ord(last))
+    low, high = (int(first), int(last)) if first.isdecimal() else (ord(first), ord(last))
     if low > high or step < 1:
         raise ValueError(f"the range '{match[0]}' is empty")
-    if first.isdigit() and len(first) > 1 and first.startswith("0") and len(first) != len(last):
+    if first.isdecimal() and len(first) > 1 and first.startswith("0") and len(first) != len(last):
         raise ValueError(f"the range '{match[0]}' needs as many digits at its end as at its start")
     if (high - low) // step > MOST_NAMES:
         raise ValueError(f"the range '{match[0]}' stands for more than {MOST_NAMES} names")
     width = len(first) if first.startswith("0") else 0
     numbers = range(low, high + 1, step)
-    return [str(number).zfill(width) if first.isdigit() else chr(number) for number in numbers]
+    return [str(number).zfill(width) if first.isdecimal() else chr(number) for number in numbers]
 
 
 def split_port(text: str) -> tuple[str, int | None]:

@@ -119,7 +119,7 @@ def collect(
     for robot, host in sorted(_hosts(inventory)):
         address = string(host.get("ansible_host"))
         words.address(address)
-        if address != robot and "." in address and not any(part.isdigit() for part in address.split(".")[-1:]):
+        if address != robot and "." in address and not any(part.isdecimal() for part in address.split(".")[-1:]):
             words.add("hostname", address, robot)
     for word, token in sorted(string_map(hardware.get("tokens")).items()):
         if _MACHINE.fullmatch(word):  # other serial numbers may be any number: they are replaced where they stand

@@ -34,7 +34,7 @@ def samples(session: Session, last: Query) -> tuple[list[Sample], Reply]:
         (reply,) = session.ask([Query(command="date +%s.%N")])
         took = time.monotonic() - begun
         whole, _, fraction = reply.out.strip().partition(".")
-        fine = fraction.isdigit()  # busybox knows no %N
+        fine = fraction.isdecimal()  # busybox knows no %N
         robot = decimal(f"{whole}.{fraction}" if fine else whole, low=0.0, high=1e11, default=0.0)
         if reply.ok and robot:
             # a step of our own clock in between changes nothing

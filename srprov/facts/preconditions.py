@@ -130,7 +130,7 @@ def _engine(facts: HostFacts) -> Check:
     if docker is None:
         problem = facts.docker_problem or "no answer"
         return _check("docker", False, problem, "install and start Docker: apt-get install docker.io")
-    version = tuple(int(part) if part.isdigit() else 0 for part in docker.api_version.split("."))
+    version = tuple(int(part) if part.isdecimal() else 0 for part in docker.api_version.split("."))
     if docker.rootless:
         remedy = "run a rootful engine: a rootless one cannot join a bridge of the host to a VXLAN link"
         return _check("docker", False, f"{docker.version}, rootless", remedy)

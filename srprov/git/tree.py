@@ -83,7 +83,7 @@ def entries(listed: bytes, most: int, elsewhere: Collection[str] = ()) -> list[E
                     f"it holds the submodule {path}, which is not fetched: name it as a repository of its own"
                 )
             continue
-        if mode not in (_FILE, _PROGRAM, _OLD_FILE, _LINK) or not size.isdigit():
+        if mode not in (_FILE, _PROGRAM, _OLD_FILE, _LINK) or not size.isdecimal():
             raise GitError(f"{path} is no file and no link")
         found.append(Entry(path, mode, identity, int(size)))
     if len(found) > MOST_FILES or sum(one.size for one in found) > most:

@@ -50,7 +50,7 @@ def add_group(text: str, name: str, members: Iterable[str] = ()) -> tuple[str, i
 def add_user(text: str, name: str, group: int, home: str) -> tuple[str, int]:
     """/etc/passwd with the user in it, in place of any so named; gives the text and the id."""
     lines = [line for line in text.splitlines() if line and not line.startswith(f"{name}:")]
-    taken = (int(line.split(":")[2]) for line in lines if line.split(":")[2].isdigit())
+    taken = (int(line.split(":")[2]) for line in lines if line.split(":")[2].isdecimal())
     user = free_id(taken)
     lines.append(f"{name}:x:{user}:{group}:{name}:/{home}:/bin/bash")
     return "\n".join(lines) + "\n", user

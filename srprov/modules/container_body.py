@@ -223,4 +223,4 @@ def _port_bindings(ports: Iterable[tuple[str, int, int, str]]) -> dict[str, list
 
 
 def _version(text: str) -> tuple[int, ...]:
-    return tuple(int(part) if part.isascii() and part.isdigit() else 0 for part in text.split("."))
+    return tuple(int(part) if part.isdecimal() else 0 for part in text.split("."))

@@ -169,7 +169,7 @@ def _within(address: str, network: str) -> bool:
 def _covers(ports: str, port: int) -> bool:
     """Return whether a range has a port; with 0, whether it has one that the kernel gives to who asks for any."""
     first, _, last = ports.partition(":")
-    if not first.isdigit():
+    if not first.isdecimal():
         return False
-    low, high = int(first[:6]), int(last[:6] if last.isdigit() else first[:6])
+    low, high = int(first[:6]), int(last[:6] if last.isdecimal() else first[:6])
     return low <= port <= high if port else high >= _FIRST_ANY

@@ -129,7 +129,7 @@ def _assigned_secret(name: str, value: str) -> bool:
 
 def _of_chance(match: re.Match[str]) -> str:
     word = match[0]
-    kinds = (any(c.isdigit() for c in word), any(c.islower() for c in word), any(c.isupper() for c in word))
+    kinds = (any(c.isdecimal() for c in word), any(c.islower() for c in word), any(c.isupper() for c in word))
     if not kinds[0] or word.count("/") > 2 or re.search(r"[A-Za-z]{12}", word):
         return word
     counts = Counter(word)

@@ -52,7 +52,7 @@ def _send(command: SendData, file: BinaryIO, session: BaseSession, progress: Pro
         word, _, rest = answer(session.host, streams, b"\n", patience).partition(" ")
         if word == "there":
             return Reply(status=0, out="it is there")
-        if word != "have" or not rest.isdigit():
+        if word != "have" or not rest.isdecimal():
             return Reply(status=1, ok=False, err=rest[:500] or streams.reason())
         file.seek(min(int(rest[:18]), size))
         _feed(file, streams, size, session.host, progress)

@@ -69,7 +69,7 @@ class _Spool:
         host, streams = self._session.host, self._session.open_shell(load_script(self._sha256, self._archive.size))
         try:
             word, _, rest = answer(host, streams, b"\n", 60.0).partition(" ")
-            if word != "have" or not rest.isdigit():
+            if word != "have" or not rest.isdecimal():
                 progress(f"{host} has no place to spool it: {rest[:200]}")
                 return None
             self.possible, have = True, min(int(rest[:18]), self._archive.size)

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from srprov.probing.answers import parse_said
-from srprov.probing.firewall import Rule, parse_rules, that_dropped
+from srprov.probing.firewall import Packet, Rule, may_match, parse_rules, that_dropped
 from srprov.probing.look import Look, parse_look, queries
 from srprov.probing.model import Measured
 from srprov.wire import Reply
@@ -108,6 +108,13 @@ def test_only_rules_whose_counter_rose_met_something() -> None:
         ("iptables filter FORWARD", True),
         ("iptables filter INPUT", False),
     ]
+
+
+@pytest.mark.parametrize("port", ["²", "1:²", "²:9", "٣", "99999999999999999999", "x", "-1", ":"])
+def test_a_rule_s_port_may_be_anything(port: str) -> None:
+    """What Python takes for a digit is not always a number."""
+    (rule,) = parse_rules(f"## iptables-save\n*filter\n[5:100] -A INPUT -p udp --dport {port} -j DROP\n")
+    assert not may_match(rule, [Packet(source="10.0.0.1", target="10.0.0.2", protocols=("udp",), port=4789)])
 
 
 def test_a_look_at_nonsense_is_an_empty_one() -> None:
