@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bisect
 import posixpath
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -112,11 +113,21 @@ def _parts(
     for at, one in places:
         if at and not is_safe_name(at):
             raise CollectFailed(f"{result.path}: no folder here can have the name of its mount {at[:200]!r}")
-        # what lies under the place of another mount the container did not see
-        hidden = tuple(f"{other}/" for other, _ in places if other and other != at)
-        yield _Part(
-            at, one, [some for some in there[one] or () if not posixpath.join(at, some.path).startswith(hidden)]
-        )
+        below = [other for other, _ in places if other.startswith(f"{at}/" if at else "") and other != at]
+        yield _Part(at, one, _seen(at, there[one] or [], below))
+
+
+def _seen(at: str, entries: list[Entry], mounts: Sequence[str]) -> list[Entry]:
+    """Return entries, which are in the order of their paths, without what lies under the place of another mount.
+
+    The container did not see that.
+    """
+    paths = [posixpath.join(at, one.path) for one in entries] if mounts else []
+    hidden = bytearray(len(entries))
+    for mount in mounts:
+        first, last = (bisect.bisect_left(paths, f"{mount}{end}") for end in "/0")  # 0 comes right after /
+        hidden[first:last] = b"\1" * (last - first)
+    return [one for one, is_hidden in zip(entries, hidden, strict=True) if not is_hidden]
 
 
 def _moved(one: Kept, at: str) -> Kept:

@@ -30,6 +30,8 @@ _PAUSE_S = 0.2
 _READY = b"srprov-ready\n"
 _ENDED = re.compile(rb"srprov-end ([0-9]{1,3})\s*\Z")
 _LONGEST_COMPLAINT = 16_384
+_MOST_MOUNTS = 1000
+"""Of a container; an EDF names no more."""
 
 
 class CollectFailed(Exception):
@@ -63,7 +65,7 @@ class Place(msgspec.Struct, frozen=True, kw_only=True):
 def place_of(inspected: object, path: str) -> Place | None:
     """Return where a container's path lies on its robot, by what the engine says of its mounts; None: in no mount."""
     best: tuple[int, Mapping[str, Any], str] | None = None
-    for mount in mappings(mapping(inspected).get("Mounts")):
+    for mount in _mounts(inspected):
         target = string(mount.get("Destination")).rstrip("/")
         inside = target and (path == target or path.startswith(f"{target}/"))
         if inside and string(mount.get("Source")).startswith("/") and (best is None or best[0] < len(target)):
@@ -77,11 +79,15 @@ def places_below(inspected: object, path: str) -> list[tuple[str, Place]]:
     What the folder itself lies in shows an empty folder at their places.
     """
     found: dict[str, Place] = {}
-    for mount in mappings(mapping(inspected).get("Mounts")):
+    for mount in _mounts(inspected):
         target, source = string(mount.get("Destination")), string(mount.get("Source"))
         if target.startswith(f"{path.rstrip('/')}/") and source.startswith("/") and mount.get("RW") is not False:
             found[target[len(path.rstrip("/")) :].strip("/")] = Place(root=source, path=".")
     return sorted(found.items())
+
+
+def _mounts(inspected: object) -> list[Mapping[str, Any]]:
+    return mappings(mapping(inspected).get("Mounts"), most=_MOST_MOUNTS)
 
 
 def listings(robot: Robot, places: Sequence[Place]) -> list[list[Entry] | None]:

@@ -10,7 +10,7 @@ import posixpath
 import re
 import struct
 from collections.abc import Sequence, Set
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from msgspec.structs import replace
 
@@ -36,10 +36,20 @@ def checked(folder: Path, kept: Sequence[Kept], parts: Path) -> list[Kept]:
         OSError: A recovered file cannot be written.
     """
     names = {one.name for one in kept if one.name}
-    folders = {str(parent) for name in names for parent in PurePosixPath(name).parents}
-    taken = {name.casefold() for name in names | folders}
+    taken = {name.casefold() for name in names | _folders(names)}
     found = [_checked(folder, one, names) if one.name else one for one in kept]
     return [_recovered(folder, one, taken, parts) if one.unclosed.startswith("MCAP") else one for one in found]
+
+
+def _folders(names: Set[str]) -> set[str]:
+    """Return all folders above some files; each is looked at once."""
+    found: set[str] = set()
+    for name in names:
+        above = posixpath.dirname(name)
+        while above and above not in found:
+            found.add(above)
+            above = posixpath.dirname(above)
+    return found
 
 
 def in_words(one: Kept) -> str:

@@ -14,7 +14,7 @@ from typing import Any, TypeVar, cast
 
 import pytest
 
-from srprov.controller import bringing
+from srprov.controller import bringing, results
 from srprov.controller.bringing import Bringing, Home
 from srprov.controller.results import bring_results
 from srprov.definitions.trialsmodel import Result
@@ -311,6 +311,50 @@ def test_a_result_has_what_lies_in_other_mounts_in_it(root: Path, tmp_path: Path
         assert (home / "out/logs/best.bag").read_text() == "all that was measured" and not (home / "out/maps").exists()
         names = [one.name for one in found[wanted[0] if len(wanted) == 1 else out]]
         assert names == (["state.json", "logs/best.bag"] if out in wanted else ["best.bag"])
+
+
+def test_a_mount_in_a_mount_in_a_result_comes_too(root: Path, tmp_path: Path) -> None:
+    for name in ("logs", "deep"):
+        (tmp_path / name / "deep").mkdir(parents=True)
+        (tmp_path / name / "a.bag").write_text(name)
+        (tmp_path / name / "deep/hidden.bag").write_text("the container did not see it where another mount lies")
+    places = {"/out": root, "/out/logs": tmp_path / "logs", "/out/logs/deep": tmp_path / "deep"}
+    mounts = {"Mounts": [{"Destination": name, "Source": str(source)} for name, source in places.items()]}
+    home = tmp_path / "home"
+    found, _ = bring_results(Machine(), mounts, (Result(path="/out"),), home, Home(parts=home / "parts"))
+    names = sorted(one.name for one in found[Result(path="/out")])
+    assert names == ["logs/a.bag", "logs/deep/a.bag", "logs/deep/deep/hidden.bag"]
+    assert (home / "out/logs/deep/a.bag").read_text() == "deep"
+
+
+def test_a_container_of_more_mounts_than_it_can_have_is_read_in_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An engine that lies names 65,000, each of which hides what lies below it of all others: minutes for nothing."""
+    mounts = {"Mounts": [{"Destination": f"/out/{number}", "Source": "/"} for number in range(65_000)]}
+    mounts["Mounts"].insert(0, {"Destination": "/out", "Source": "/v"})
+    there = [Entry(path=f"{number}/a", kind="f", sha256="0" * 64) for number in range(10_000)]
+    monkeypatch.setattr(
+        results, "listings", lambda _robot, places: [sorted(there) if one.root == "/v" else [] for one in places]
+    )
+    monkeypatch.setattr(results, "Bringing", Nothing)
+
+    def bring() -> int:
+        found, _ = bring_results(Machine(), mounts, (Result(path="/out"),), tmp_path, Home(parts=tmp_path))
+        return len(found[Result(path="/out")])
+
+    assert bounded(bring) == 9_001
+
+
+class Nothing:
+    """Files that are here already."""
+
+    fetched_files = fetched_bytes = 0
+
+    def __init__(self, *_words: object) -> None: ...
+
+    def all(self, entries: list[Entry]) -> list[Kept]:
+        return [Kept(path=one.path) for one in entries]
 
 
 def test_a_mount_that_a_robot_names_as_no_folder_can_be_is_not_brought(root: Path, tmp_path: Path) -> None:

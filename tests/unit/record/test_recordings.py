@@ -147,3 +147,10 @@ def test_a_folder_of_an_earlier_call_is_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "x.recovered.mcap").mkdir()
     one = looked_at(tmp_path, ["x.mcap"])["x.mcap"]
     assert not one.recovered and "it was not recovered" in one.unclosed
+
+
+def test_many_files_in_deep_folders_are_looked_at_in_time(tmp_path: Path) -> None:
+    """Each folder once, and not for each file in it."""
+    deep = "a/" * 98
+    kept = [Kept(path=f"{deep}{number}", name=f"{deep}{number}") for number in range(50_000)]
+    assert len(bounded(lambda: checked(tmp_path, kept, tmp_path))) == 50_000
