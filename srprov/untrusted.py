@@ -26,6 +26,10 @@ _MOST_CONTAINERS = 400_000
 """Lists and maps in a robot's JSON; an empty one takes two characters, and thirty times that in memory."""
 MAX_JSON_VALUES = 2_000_000
 """Brackets, commas and colons of a text: each value of JSON has one, and takes about 100 bytes of memory."""
+MOST_OF_ONE = 512 << 10
+"""Characters of what an engine says of one container or image; they are some ten thousand."""
+_MOST_NESTED = 20_000
+"""Lists and maps in that: an empty one takes thirty times its text in memory."""
 LARGEST_NUMBER = 2**64
 """No JSON number is larger; counters of kernel and engine have 64 bits."""
 
@@ -58,6 +62,11 @@ def json_or_none(source: str) -> Any:  # noqa: ANN401 - JSON is any; each caller
         return _parse(source, _ROBOT_DECODER, MAX_JSON_CHARACTERS)
     except ValueError:
         return None
+
+
+def is_of_one(source: str) -> bool:
+    """Tell whether what an engine says of one container or image is no longer than any needs: many are kept at once."""
+    return len(source) <= MOST_OF_ONE and source.count("[") + source.count("{") <= _MOST_NESTED
 
 
 def _parse(source: str, decoder: json.JSONDecoder, max_characters: int, max_values: int = MAX_JSON_VALUES) -> Any:  # noqa: ANN401 - JSON is any

@@ -35,7 +35,7 @@ from srprov.facts.model import Snapshot
 from srprov.record.recordings import in_words
 from srprov.record.results import Kept
 from srprov.session import Session
-from srprov.untrusted import text
+from srprov.untrusted import is_of_one, text
 from srprov.wire import EngineQuery
 
 _T = TypeVar("_T")
@@ -135,7 +135,11 @@ def _of_robot(robot: _Robot, services: Sequence[_Service], folder: Path, say: Sa
             lambda session: session.ask([EngineQuery(path=f"/containers/{one.container}/json") for one in services])
         )
         for one, reply in zip(services, replies, strict=True):
-            found.inspected[one.label] = reply.json() if reply.ok else None
+            long = reply.ok and not is_of_one(reply.out)
+            found.inspected[one.label] = reply.json() if reply.ok and not long else None
+            if long:
+                found.failed.append(f"{one.label}: what its engine says of it is longer than any container needs")
+                continue
             with _told(one.label, found):
                 bring_log(robot, one.container, folder / "logs" / f"{one.host}.{one.label}.log")
             with _told(one.label, found):

@@ -23,7 +23,7 @@ from srprov.snapshot.notes import Notes
 from srprov.snapshot.questions import ENGINE, QUESTIONS
 from srprov.snapshot.repositories import MOST_PATCHES, Repository, parse_repository
 from srprov.snapshot.sources import keys_query, origins_query, parse_keys, parse_origins
-from srprov.untrusted import integer, mapping, mappings, string, string_map, strings, text
+from srprov.untrusted import integer, is_of_one, mapping, mappings, string, string_map, strings, text
 from srprov.wire import AnyQuery, EngineQuery, Query, Reply
 
 _T = TypeVar("_T")
@@ -39,10 +39,6 @@ MOST_INSPECTED = 8 << 20
 """Characters of what an engine says of all containers and their images; of one they are some ten thousand."""
 LONGEST_S = 600.0
 """Until no further container of a robot is asked about: each answer may take its time."""
-_MOST_OF_ONE = 512 << 10
-"""Characters of what is said of one container or image."""
-_MOST_NESTED = 20_000
-"""Lists and maps in it: an empty one takes thirty times its text in memory."""
 _INSTANCE = "srprov.instance"
 _RUNS = ("running", "paused", "restarting")
 _SHOWN = 6
@@ -139,7 +135,7 @@ def _inspect(container: str, image: str) -> tuple[EngineQuery, EngineQuery]:
 
 def _inspected(replies: Sequence[Reply], notes: Notes) -> Iterator[tuple[Mapping[str, Any], Mapping[str, Any]]]:
     for box, image in zip(replies[::2], replies[1::2], strict=True):
-        if any(len(one.out) > _MOST_OF_ONE or sum(map(one.out.count, "[{")) > _MOST_NESTED for one in (box, image)):
+        if not (is_of_one(box.out) and is_of_one(image.out)):
             notes.lost("container", "what the engine says of it is longer than any container needs: it is not read")
             continue
         about = mapping(box.json())

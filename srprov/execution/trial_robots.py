@@ -26,6 +26,7 @@ from srprov.modules.container_commands import remove, start, stop
 from srprov.session import Session
 from srprov.trials.clock import Offset, offset
 from srprov.trials.reading import Reading, read
+from srprov.untrusted import is_of_one
 from srprov.wire import Command, EngineCall, EngineQuery
 
 _T = TypeVar("_T")
@@ -144,6 +145,8 @@ class TrialRobots:
             if not reply.ok and reply.status != _NOT_FOUND:
                 check_engine(reply)
                 raise EquipmentFailed(f"{host}: its containers cannot be read: {why(reply.err or reply.out)}")
+            if not is_of_one(reply.out):
+                raise EquipmentFailed(f"{host}: what its engine says of a container is longer than any needs")
         found = {one.service: reply.json() for one, reply in zip(some, replies, strict=True)}
         self.totals.find(host, found, session)
         self._survival.look(host, {service: read(answer) for service, answer in found.items()})

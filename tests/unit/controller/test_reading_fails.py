@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from srprov.codes import Code
-from srprov.controller.collection import _Found, _told
+from srprov.controller import collection
+from srprov.controller.collection import _Found, _of_robot, _Service, _told
 from srprov.controller.live import Live
 from srprov.errors import RefusedError, TransportError
 from srprov.execution import watching
@@ -52,6 +56,18 @@ def test_a_wait_looks_again(monkeypatch: pytest.MonkeyPatch) -> None:
     watch = Watch(lambda _host: ROBOT, lambda _host: None, {("r1", "a"): ()}, lambda _text: None)
     with pytest.raises(TransportError, match="cannot be read: KeyError"):
         watch._look("r1")
+
+
+def test_what_an_engine_says_of_a_container_has_a_length(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """That of all containers is kept until all is here: of 8 MiB each it would be a gigabyte."""
+    answers = {"a": "{}", "b": json.dumps({"x": "x" * (600 << 10)}), "c": json.dumps({"x": [[]] * 30_000})}
+    robot = Robot()
+    robot.ask = lambda queries: [Reply(status=200, out=answers[one.path.split("/")[2]]) for one in queries]  # type: ignore[method-assign]
+    monkeypatch.setattr(collection, "bring_log", lambda *_: None)
+    services = [_Service(name, "r1", name, ()) for name in answers]
+    found = _of_robot(SimpleNamespace(do=lambda work: work(robot)), services, tmp_path, lambda _text: None)  # type: ignore[arg-type]
+    assert found.inspected == {"a": {}, "b": None, "c": None}
+    assert found.failed == [f"{name}: what its engine says of it is longer than any container needs" for name in "bc"]
 
 
 def test_what_is_collected_of_others_is_kept() -> None:

@@ -224,3 +224,12 @@ def test_an_engine_that_refuses_is_not_waited_for() -> None:
     with pytest.raises(EquipmentFailed, match="a on r1: no"):
         robots.clear()
     assert said == []
+
+
+def test_what_an_engine_says_of_a_container_has_a_length() -> None:
+    """It is kept for all containers of a trial."""
+    robot = Robot()
+    robot.state = {"Status": "running", "x": ["x" * 1000] * 600}
+    robots = TrialRobots(Connections(robot), [TrialContainer(host="r1", service="a", name="a", create=())])
+    with pytest.raises(EquipmentFailed, match="longer than any needs"):
+        robots.inspect()
