@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from srprov.codes import Code
 from srprov.controller.phases import Phases
-from srprov.errors import with_code
+from srprov.errors import indented, with_code
 from srprov.execution import Outcome, RunResult, StepResult
 from srprov.planning.plan import Plan, Step
 from srprov.resource import Action
@@ -92,7 +92,8 @@ def failures(result: RunResult, images: Mapping[str, ImagePlan]) -> list[str]:
         if one.outcome not in (Outcome.CHANGED, Outcome.UNCHANGED):
             failed = one.outcome is Outcome.FAILED
             message = with_code(one.message, Code.STEP_FAILED) if failed else one.message
-            lines.append(f"{one.outcome.value}: #{one.step.number} {one.step.id}: {message}")
+            # further lines may be a robot's own words
+            lines.append(indented(f"{one.outcome.value}: #{one.step.number} {one.step.id}: {message}"))
             image = images.get(one.step.name)
             if image and one.outcome is Outcome.FAILED:
                 from srprov.images.tag import locate_failure  # only a failed build needs it

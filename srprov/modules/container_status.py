@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from srprov.resource import Condition
-from srprov.untrusted import mapping
+from srprov.untrusted import integer, mapping
 from srprov.wire import Reply
 
 _NOT_FOUND = 404
@@ -17,7 +17,7 @@ def reached(name: str, condition: str, reply: Reply) -> tuple[bool, str]:
     if not reply.ok or not isinstance(body, dict):
         return False, f"container {name} is not there" if reply.status == _NOT_FOUND else ""
     state = mapping(body.get("State"))
-    status, code = state.get("Status"), state.get("ExitCode")
+    status, code = state.get("Status"), integer(state.get("ExitCode"), low=-(2**31), high=2**31, default=-1)
     if condition == Condition.COMPLETED.value:
         failed = status == "exited" and code != 0
         return status == "exited" and code == 0, f"{name} exited with code {code}" if failed else ""

@@ -11,7 +11,7 @@ from typing import Any
 
 import msgspec
 
-from srprov.untrusted import integer, mapping, string
+from srprov.untrusted import integer, mapping, string, text
 
 _TIME = re.compile(r"(\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d)(?:\.(\d{1,9}))?(Z|[+-]\d\d:\d\d)", re.ASCII)
 _NEVER = 0.0
@@ -45,21 +45,21 @@ def read(answer: object) -> Reading:
     if not state:
         return Reading(state="")
     return Reading(
-        state=string(state.get("Status")),
+        state=text(state.get("Status")),
         exit_code=integer(state.get("ExitCode"), high=1 << 31),
-        health=string(mapping(state.get("Health")).get("Status")).replace("none", ""),
+        health=text(mapping(state.get("Health")).get("Status")).replace("none", ""),
         oom=state.get("OOMKilled") is True,
         restarts=integer(body.get("RestartCount"), high=1 << 31),
         started=engine_time(string(state.get("StartedAt"))),
         finished=engine_time(string(state.get("FinishedAt"))),
         image=string(body.get("Image")),
-        error=string(state.get("Error"))[:400],
+        error=text(state.get("Error"), length=400),
     )
 
 
-def engine_time(text: str) -> float:
+def engine_time(said: str) -> float:
     """Return an engine's time in seconds since the epoch; 0 for "never", and for what is no time."""
-    match = _TIME.fullmatch(text)
+    match = _TIME.fullmatch(said)
     if match is None:
         return _NEVER
     try:

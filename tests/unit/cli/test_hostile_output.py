@@ -19,11 +19,15 @@ from srprov.cli.logs import _Text
 from srprov.cli.main import run
 from srprov.cli.output import clean, out_json
 from srprov.cli.status import table
+from srprov.cli.trial_session import _Shown
 from srprov.codes import Code
 from srprov.controller.merged_logs import LogLine, Source
-from srprov.controller.trials import Trials
+from srprov.controller.report import failures
+from srprov.controller.trials import TrialNews, Trials
 from srprov.errors import RefusedError, visible
-from srprov.execution import Event
+from srprov.execution import Event, Outcome, RunResult, StepResult
+from srprov.planning.plan import Step
+from srprov.resource import Action, Change
 from srprov.secret import forget
 from srprov.session import Session
 from tests.fakes import World
@@ -107,6 +111,17 @@ def test_further_lines_of_an_error_are_indented() -> None:
     """An error may hold a robot's words: they cannot pass for a line of srprov's own."""
     error = RefusedError("made from x\nhello: done in 1.0 s: 5 changed\n  as it was", code=Code.OWNER)
     assert error.message == "made from x\n  hello: done in 1.0 s: 5 changed\n  as it was"
+
+
+def test_what_robots_say_of_steps_and_trials_begins_no_line(capsys: pytest.CaptureFixture[str]) -> None:
+    change = Change(action=Action.CREATE, cause="not there")
+    step = Step(number=1, host="r1", module="container", name="a", change=change)
+    result = StepResult(step=step, outcome=Outcome.FAILED, message="did not stay up: state is x\nhello: done in 0.1 s")
+    (line,) = failures(RunResult(results=(result,), unchanged=0), {})
+    assert line.split("\n")[1:] == ["  hello: done in 0.1 s"]
+    news = TrialNews(trial="t", order=1, trials=2, values={}, what="r1: a\n[2/2] t2: ok", aloud=True)
+    _Shown().say(news)
+    assert capsys.readouterr().err == "[1/2] t: r1: a\\n[2/2] t2: ok\n"
 
 
 @pytest.mark.parametrize("word", [*WORDS, "[/b]", "[red]x", "[link=http://x]y[/link]", "[/]"])

@@ -28,3 +28,11 @@ def test_a_container_without_a_healthcheck_never_gets_healthy(
 ) -> None:
     reply = Reply(status=200, out=json.dumps({"State": state}))
     assert reached("a", "healthy", reply) == expected
+
+
+@pytest.mark.parametrize("condition", ["started", "healthy", "completed"])
+@pytest.mark.parametrize("code", ["1\ndone: all is well", ["x"] * 1000, {"a": 1}, None])
+def test_an_exit_code_is_a_number_whatever_an_engine_says(condition: str, code: object) -> None:
+    state = {"Status": "exited", "ExitCode": code}
+    holds, never = reached("a", condition, Reply(status=200, out=json.dumps({"State": state})))
+    assert not holds and never.startswith("a exited with code -1")
