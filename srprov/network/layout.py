@@ -146,6 +146,7 @@ def _mtu(
     if settings.mtu is not None:
         _check_mtu(settings.mtu, possible)
         return settings.mtu
+    _check_narrowest(possible)
     remembered = [record.mtu] if record and record.mtu >= _LEAST_MTU else []
     return min([*possible.values(), *remembered], default=1500 - max(added.values()))
 
@@ -155,6 +156,15 @@ def _check_mtu(wish: int, possible: Mapping[str, int]) -> None:
     if narrow and wish > possible[narrow]:
         message = f"network.mtu {wish} is more than {narrow}'s underlay leaves: {possible[narrow]}"
         raise UsageError(message, hint="lower it, or leave it out", code=Code.NETWORK_ABILITY)
+
+
+def _check_narrowest(possible: Mapping[str, int]) -> None:
+    """Refuse what would leave nobody a network, by the word of one robot."""
+    narrow = min(possible, key=lambda robot: (possible[robot], robot), default="")
+    if narrow and possible[narrow] < _LEAST_MTU:
+        left = f"{possible[narrow]} bytes for a packet of the overlay, and {_LEAST_MTU} are the least"
+        hint = "raise the MTU of its link, or place its services on other robots"
+        raise UsageError(f"{narrow}'s underlay leaves {left}", hint=hint, code=Code.NETWORK_ABILITY)
 
 
 def _macs(

@@ -126,6 +126,8 @@ def test_mtu(per_robot: dict[str, dict[str, object]], wish: int | None, mtu: int
         ({"r2": {"underlay_address": ""}}, {}, "r2 has no address that other robots reach"),
         ({"r3": {"underlay_address": "192.168.0.1"}}, {}, "r1 and r3 have the same underlay address 192.168.0.1"),
         ({"r2": {"underlay_address": "fd00::2"}}, {}, "r3 has an IPv4 underlay address, r2 an IPv6 one"),
+        ({"r2": {"underlay_mtu": 0}}, {}, "r2's underlay leaves -50 bytes for a packet of the overlay"),
+        ({"r2": {"underlay_mtu": 625}}, {}, "r2's underlay leaves 575 bytes .* 576 are the least"),
         ({}, {"subnet": "10.200.0.0/29", "vni": 1}, None),
     ],
 )
