@@ -16,7 +16,7 @@ from srprov.cli.output_options import is_quiet, wants_timings
 from srprov.cli.progress import progress
 from srprov.cli.timings import timings_text
 from srprov.codes import Code
-from srprov.errors import RefusedError
+from srprov.errors import RefusedError, visible
 
 if TYPE_CHECKING:
     from srprov.controller.fleet import Fleet
@@ -74,7 +74,7 @@ def carried_out(
 
     if as_json:  # the plan was not shown, and it is what says these
         for note in planned.plan.notes:
-            err(f"note: {note}")
+            err(f"note: {visible(note)}")
     else:
         expect(Answer.ASIDE)
     stop = threading.Event()

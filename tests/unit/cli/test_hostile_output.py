@@ -195,3 +195,15 @@ def test_a_value_of_a_parameter_begins_no_line_of_a_run(
     monkeypatch.setattr(Trials, "_done", done)
     assert run(["run", "t.edf", "-i", "inv.yml", "-o", "out", "--yes"]) == 0
     assert told_in_lines(capsys) == []
+
+
+def test_a_note_of_a_plan_file_begins_no_line_beside_the_json(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("NOT_SET", "a value")
+    assert run(["plan", "e.edf", "-i", "inv.yml", "--allow", "all", "-o", "p.json"]) == 0
+    made = json.loads((tmp_path / "p.json").read_text())
+    (tmp_path / "p.json").write_text(json.dumps({**made, "notes": [FORGED]}, indent=2) + "\n")
+    monkeypatch.setenv("NOT_SET", "a value")  # it was taken out when it was read
+    run(["apply", "p.json", "-i", "inv.yml", "--allow", "all", "--yes", "--json"])
+    assert told_in_lines(capsys) == []
