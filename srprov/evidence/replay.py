@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
-from srprov import private, regular_file
+from srprov import believed, private, regular_file
 from srprov.codes import Code
 from srprov.definitions.model import Host, Inventory
 from srprov.errors import RefusedError, UsageError, did_you_mean
@@ -72,7 +72,7 @@ def check(bundle: str, signers: str = "") -> Bundle:
         raise RefusedError(
             f"{bundle} is not what it says:\n{told}", hint=f"srprov verify {bundle} says more", code=Code.BUNDLE_FALSE
         )
-    return Bundle(bundle, report.hashes)
+    return Bundle(bundle, report.hashes, signed=bool(signers))
 
 
 def read(bundle: Bundle) -> Replay:
@@ -104,6 +104,7 @@ def unpack(bundle: Bundle, folder: Path) -> None:
 
     Raises:
         UsageError: It holds no run, or something else is in the folder, or that cannot be written.
+        RefusedError: It is signed, and others could put other definitions there before they are read.
     """
     with _opened(bundle) as (files, told):
         home = f"{told.home}/inputs/"
@@ -119,9 +120,13 @@ def unpack(bundle: Bundle, folder: Path) -> None:
         for place, data in contents.items():
             private.make_folder(place.parent)
             private.write_output(str(place), data)
+        alone = not bundle.signed or all(map(believed.is_out_of_reach, {folder, *(one.parent for one in contents)}))
     except OSError as error:
         why = f"{error.filename or folder}: {error.strerror or error}"
         raise UsageError(why, hint="name another folder with -o", code=Code.CANNOT_WRITE) from error
+    if not alone:
+        why = f"others can write to {folder}, or to a folder above it: what was signed could be replaced there"
+        raise RefusedError(why, hint="name a folder of your own with -o", code=Code.STRANGE_FILE)
 
 
 @contextmanager

@@ -43,6 +43,8 @@ class Bundle(msgspec.Struct, frozen=True):
     path: str
     hashes: Mapping[str, str]
     """As `Verified` has them."""
+    signed: bool = False
+    """Somebody signed it whom the user named: nobody else's definitions may be run in its place."""
 
 
 @contextmanager

@@ -108,3 +108,16 @@ def test_a_folder_that_cannot_be_written_is_told(bundled: Path, tmp_path: Path) 
     with pytest.raises(UsageError, match="Not a directory") as told:
         unpack(as_it_is(bundled), tmp_path / "file" / "again")
     assert told.value.code == Code.CANNOT_WRITE
+
+
+@pytest.mark.parametrize("below", ["", "experiment", "experiment/tracks"])
+def test_what_was_signed_goes_where_nobody_else_can_put_other_definitions(
+    bundled: Path, tmp_path: Path, below: str
+) -> None:
+    """They are read after they were written: whoever owns the folder, or may write to it, is quicker."""
+    folder, signed = tmp_path / "open" / "experiment", replace(as_it_is(bundled), signed=True)
+    unpack(signed, folder)
+    (tmp_path / "open" / below).chmod(0o777)
+    with pytest.raises(RefusedError, match="others can write to"):
+        unpack(signed, folder)
+    unpack(as_it_is(bundled), folder)
