@@ -36,7 +36,7 @@ from srprov.untrusted import mappings, string, string_map, strings
 _INVENTORY = "inventory.yml"
 _MOST_INPUTS = 128 << 20
 _MOST_INPUT_FILES = 20_000
-_MOST_DEFINITIONS = 8
+_MOST_DEFINITIONS = 4
 """That sessions of one run are of. They are of one, but for comments and what was accepted; each may take seconds."""
 _MOST_PAIRS = 2_000_000
 _DEEPEST, _MOST_FOLDERS = 100, 200_000

@@ -69,7 +69,7 @@ def test_sessions_are_of_few_experiments_and_each_is_read_once(
     content: Content, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A definition of 150 KB takes a second: two hundred of them would be minutes."""
-    assert _said("of more than 8 experiments that differ", packed(differing(content, 9, edf=True), tmp_path / "a.zip"))
+    assert _said("of more than 4 experiments that differ", packed(differing(content, 5, edf=True), tmp_path / "a.zip"))
     read: list[str] = []
     load = session.load_experiment
     monkeypatch.setattr(session, "load_experiment", lambda path, environ: read.append(path) or load(path, environ))
