@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import itertools
+import json
 import os
 import secrets
 import stat
+from collections.abc import Iterable
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
@@ -51,6 +54,17 @@ def replace_file(path: Path, content: str | bytes) -> None:
     """
     make_folder(path.parent)
     _replace(path, content.encode("utf-8", "replace") if isinstance(content, str) else content)
+
+
+def replace_json(path: Path, document: object) -> None:
+    """Write a document as `replace_file` does, a piece at a time: as one text, a long one takes several times its size.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    make_folder(path.parent)
+    pieces = json.JSONEncoder(indent=2).iterencode(document)
+    _replace(path, (piece.encode("ascii") for piece in itertools.chain(pieces, "\n")))
 
 
 def write_output(path: str, content: bytes) -> None:
@@ -110,11 +124,11 @@ def _open_stream(path: str, _flags: int) -> int:
     return descriptor
 
 
-def _replace(path: Path, content: bytes) -> None:
+def _replace(path: Path, content: bytes | Iterable[bytes]) -> None:
     beside = _beside(path)
     try:
         with open(_new(beside), "wb") as stream:
-            stream.write(content)
+            stream.writelines([content] if isinstance(content, bytes) else content)
         beside.replace(path)
     except BaseException:
         with contextlib.suppress(OSError):

@@ -7,7 +7,6 @@ Reads and writes `collected.json`, `containers.json` and `facts.json`. What is h
 from __future__ import annotations
 
 import datetime as dt
-import json
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
@@ -158,4 +157,4 @@ def _broken(path: Path, why: str, remedy: str) -> UsageError:
 
 
 def _keep(folder: Path, name: str, document: object) -> None:
-    private.replace_file(folder / name, json.dumps(redacted(document), indent=2) + "\n")
+    private.replace_json(folder / name, redacted(document))

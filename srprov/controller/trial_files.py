@@ -5,7 +5,6 @@ Takes the robots and how the attempt ended; writes below the attempt's folder.
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -61,7 +60,7 @@ def gather_files(plan: TrialPlan, inspected: Mapping[str, Any], robots: TrialRob
         EquipmentFailed, CollectFailed, TransportError: A robot or its engine failed, or the latter ended a container.
         OSError: Something cannot be written here.
     """
-    private.replace_file(folder / "containers.json", json.dumps(redacted(inspected), indent=2) + "\n")
+    private.replace_json(folder / "containers.json", redacted(inspected))
     logs = {one.service: folder / "logs" / f"{one.host}.{one.service}.log" for one in plan.services}
     wanted = {one: some for one in robots.by_service if (some := plan.given.results.get(plan.origin[one], ()))}
 
@@ -132,7 +131,7 @@ def _summed(
         first |= {match: when for match, when in times.items() if match in ends and when}
     listing = {name: [listed(one) for one in some] for name, some in kept.items()}
     document = redacted({"results": listing, "missing": missing})
-    private.replace_file(folder / "collected.json", json.dumps(document, indent=2) + "\n")
+    private.replace_json(folder / "collected.json", document)
     return Gathered(
         metrics=metrics,
         matched=frozenset(matched),

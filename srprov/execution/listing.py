@@ -6,12 +6,18 @@ leads, then `H`, then `SHA256  PATH` for each file, then `=STATUS`.
 
 from __future__ import annotations
 
+import json
 import re
 from typing import NamedTuple
 
 MOST_FILES = 250_000
 MOST_BYTES = 64 << 20
+MOST_NAMES = 24 << 20
+"""Characters of all paths and links as JSON has them, which is six for each byte that is no text: they are kept in
+several forms, and written down."""
 _LONGEST_WORD = 8192
+_LONGEST_LINK = 256
+"""Bytes of where a link leads, which is only told."""
 _ENTRY = re.compile(rb"(?P<kind>[a-zA-Z?]) (?P<size>[0-9]{1,15}) \./+(?P<path>.+)", re.DOTALL)
 _HASH = re.compile(rb"\\?(?P<hash>[0-9a-f]{64}) [ *]\./+(?P<path>.+)", re.DOTALL)
 _STATUS = re.compile(rb"=([0-9]{1,3})")
@@ -52,7 +58,7 @@ class Listing:
         self._open: Entry | None = None
         self._hashing = False
         self._rest = b""
-        self._read_bytes = self._files = 0
+        self._read_bytes = self._files = self._names = 0
 
     def feed(self, piece: bytes) -> None:
         """Read what has come.
@@ -79,7 +85,7 @@ class Listing:
 
     def _read(self, word: bytes) -> None:
         if self._open:
-            self._add(self._open._replace(link=_text(word)))
+            self._add(self._open._replace(link=_text(word[:_LONGEST_LINK])))
             self._open = None
         elif status := _STATUS.fullmatch(word):
             self._done.append((int(status[1]), sorted(self._entries.values())))
@@ -97,6 +103,9 @@ class Listing:
         self._files += 1
         if self._files > MOST_FILES:
             raise ListingError(f"there are more than {MOST_FILES} files")
+        self._names += sum(_written(name) for name in (entry.path, entry.link))
+        if self._names > MOST_NAMES:
+            raise ListingError(f"the names of its files have more than {MOST_NAMES >> 20} Mi characters")
         self._entries[entry.path] = entry
         self.bytes += entry.size if entry.is_file else 0
 
@@ -108,6 +117,11 @@ class Listing:
         path = _text(match["path"])
         if (entry := self._entries.get(path)) and entry.is_file:
             self._entries[path] = entry._replace(sha256=match["hash"].decode())
+
+
+def _written(name: str) -> int:
+    """Return how long a name is in JSON."""
+    return len(name) if name.isascii() and name.isprintable() else len(json.dumps(name))
 
 
 def _text(word: bytes) -> str:

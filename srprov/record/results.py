@@ -5,6 +5,7 @@ Writes plain files and folders of their own, for their owner alone. Nothing is w
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import os
 import stat
@@ -162,6 +163,7 @@ def _part(part: str) -> str:
     return safe
 
 
+@functools.lru_cache(maxsize=4096)
 def _escaped(one: str) -> str:
     """Return a character's bytes, as they were on the robot, in the form `%XX`."""
     data = one.encode("utf-8", "surrogateescape" if "\udc80" <= one <= "\udcff" else "surrogatepass")

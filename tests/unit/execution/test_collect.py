@@ -14,14 +14,15 @@ from typing import Any, TypeVar, cast
 
 import pytest
 
+from srprov import private
 from srprov.controller import bringing, results
-from srprov.controller.bringing import Bringing, Home
-from srprov.controller.results import bring_results
+from srprov.controller.bringing import Bringing, Home, _listed
+from srprov.controller.results import bring_results, listed
 from srprov.definitions.trialsmodel import Result
 from srprov.execution.collect import CollectFailed, Place, fetch_file, fetch_tar, listings, place_of
 from srprov.execution.listing import Entry, Listing, ListingError
 from srprov.pace import Pace
-from srprov.record.results import Kept
+from srprov.record.results import Kept, Names
 from srprov.session import Session, Traffic
 from srprov.transport.shell.pipes import PipeStreams
 from tests.bounded import bounded
@@ -495,6 +496,28 @@ def test_a_listing_without_end_is_ended(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr("srprov.execution.listing.MOST_BYTES", 10_000)
     with pytest.raises(ListingError, match="more than 0 MiB"):
         Listing(1).feed(b"x" * 9000)
+
+
+@pytest.mark.parametrize("what", ["files", "links"])
+def test_names_that_are_no_text_take_little_memory(what: str, tmp_path: Path) -> None:
+    """Each byte of them is six characters in JSON: with 60 MiB of them, and with files that failed, gigabytes."""
+    name = b"\xff" * 240
+    words = [b"%c 1 ./%07d%b\0%b\0" % (b"fl"[what == "links"], n, name, name) for n in range(120_000)]
+
+    def read() -> int:
+        found = Listing(1)
+        try:
+            for word in words:
+                found.feed(word)
+            found.feed(b"H\0=0\0")
+        except ListingError as error:
+            assert "the names of its files have more than" in str(error)
+        kept = [_listed(one, Names()) for one in found._entries.values() or found._done[0][1]]
+        document = {"results": [listed(one) for one in kept], "failed": [f"{one.path}: {one.note}" for one in kept]}
+        private.replace_json(tmp_path / "collected.json", document)
+        return len(kept)
+
+    assert 0 < bounded(read) < 20_000
 
 
 def test_a_folder_where_a_file_should_be_is_said(root: Path, tmp_path: Path) -> None:
