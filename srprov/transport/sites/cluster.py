@@ -13,6 +13,7 @@ import threading
 from concurrent.futures import Future
 from typing import Any
 
+from srprov.transport.background import background
 from srprov.transport.sites import settings
 from srprov.transport.sites.carrier import Carrier
 from srprov.transport.sites.outpost import Outpost, WrongProgram
@@ -21,6 +22,8 @@ from srprov.transport.workers.program import SiteError
 _START_S = 60.0
 """For a worker to start a process, its imports included."""
 _CLOSE_S = 3.0
+_LATE_S = 5.0
+"""Longer than Dask itself waits for a connection."""
 
 
 class Cluster:
@@ -87,12 +90,17 @@ class Cluster:
 
     def _connect(self) -> Any:  # noqa: ANN401 - as `_connected`
         distributed = settings.import_distributed()
+        # its own timeout is for a connection alone: one on which nothing is said then is waited for without end
+        made = background(
+            lambda: distributed.Client(
+                self._address, security=self._security, timeout=self._timeout_s, direct_to_workers=True, name="srprov"
+            )
+        )
         try:
-            return distributed.Client(
-                self._address, security=self._security, timeout=self._timeout_s, direct_to_workers=True,
-                name="srprov",
-            )  # fmt: skip
+            return made.result(self._timeout_s + _LATE_S)
         except Exception as error:  # whatever Dask raises for what answers there
+            if not made.done():
+                made.add_done_callback(_closed_when_made)
             raise self._unreachable(error) from None
 
     def _unreachable(self, error: Exception) -> SiteError:
@@ -144,6 +152,12 @@ class SiteProgram:
 
 _START_AGAIN = "look at what `srprov worker` says there, and start it again"
 _SCHEDULER = "is it running, and are its certificates of the same authority? See docs/sites.md"
+
+
+def _closed_when_made(client: Future[Any]) -> None:
+    """Leave a cluster that answered when nobody waited for it any more."""
+    if client.exception() is None:
+        background(lambda: _closed(client.result()))
 
 
 def _closed(client: Any) -> None:  # noqa: ANN401 - as `_connected`

@@ -7,6 +7,7 @@ import os
 import re
 import signal
 import socket
+import ssl
 import subprocess
 import sys
 import threading
@@ -73,6 +74,37 @@ def test_a_scheduler_that_stops_answering_is_waited_for_with_a_deadline(made: Cl
             made.scheduler.send_signal(signal.SIGCONT)
             client.close()
     assert [type(one) for one in failed] == [SiteError] and "cannot be reached" in str(failed[0])
+
+
+def test_a_scheduler_that_says_nothing_behind_its_certificate_is_waited_for_with_a_deadline(made: Cluster) -> None:
+    """Dask itself waits without end for what comes after the connection, and so did all robots."""
+    key = "DASK_DISTRIBUTED__COMM__TLS__SCHEDULER__"
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(made.env[f"{key}CERT"], made.env[f"{key}KEY"])
+
+    def serve() -> None:
+        with contextlib.suppress(OSError):
+            kept = []
+            while True:
+                kept.append(context.wrap_socket(listener.accept()[0], server_side=True))
+
+    with made.member(), silent() as listener:
+        threading.Thread(target=serve, daemon=True).start()
+        client, begin = Client(f"tls://127.0.0.1:{listener.getsockname()[1]}", 2.0), time.monotonic()
+        failed: list[BaseException] = []
+
+        def start() -> None:
+            try:
+                client.start("west")
+            except SiteError as error:
+                failed.append(error)
+
+        starting = threading.Thread(target=start, daemon=True)
+        starting.start()
+        starting.join(30)
+        assert failed and "cannot be reached: no answer within 2 s" in str(failed[0])
+        assert time.monotonic() - begin < 20
+        client.close()
 
 
 def test_a_scheduler_that_is_not_there_costs_one_timeout_and_not_one_for_each_site(
