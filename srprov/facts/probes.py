@@ -92,7 +92,7 @@ done
 # df takes the folders that Docker's root may be; which one it is, the engine says, or the file that configures it
 _DISK = """\
 r=
-while IFS= read -r l; do
+while IFS= read -r l || [ "$l" ]; do
   case $l in *'"data-root"'*) r=${l#*'"data-root"'}; r=${r#*'"'}; r=${r%%'"'*};; esac
 done 2>/dev/null </etc/docker/daemon.json
 printf 'root %s\\n' "$r"

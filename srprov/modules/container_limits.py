@@ -34,7 +34,7 @@ _WRITTEN = (
 QUERY = Query(
     command=f"""\
 r=/var/lib/docker
-while IFS= read -r l; do
+while IFS= read -r l || [ "$l" ]; do
   case $l in *'"data-root"'*) r=${{l#*'"data-root"'}}; r=${{r#*'"'}}; r=${{r%%'"'*}};; esac
 done 2>/dev/null </etc/docker/daemon.json
 grep -EsHo '{_WRITTEN}' "$r"/containers/*/hostconfig.json
