@@ -14,6 +14,22 @@ CPU_S = 2.0
 MEMORY_BYTES = 300 * 1024 * 1024
 
 
+_UNIT_S = 0.015
+"""CPU seconds that `_unit` takes on the processors for which limits are meant."""
+
+
+def _unit() -> None:
+    sum(len(str(number)) for number in range(200_000))
+
+
+def _slowness() -> float:
+    """Return how many times longer the processor takes just now; a busy neighbour doubles its seconds."""
+    begin = time.process_time()
+    for _ in range(20):
+        _unit()
+    return max(1.0, (time.process_time() - begin) / (20 * _UNIT_S))
+
+
 def bounded(work: Callable[[], T], cpu_s: float = CPU_S, memory: int = MEMORY_BYTES) -> T:
     """Return what `work` returns, or raise what it raises; in a child that may take no more memory and time.
 
@@ -28,12 +44,15 @@ def bounded(work: Callable[[], T], cpu_s: float = CPU_S, memory: int = MEMORY_BY
                 space = int(stream.read().split()[0]) * resource.getpagesize()
             resource.setrlimit(resource.RLIMIT_AS, (space + memory, space + memory))
             resource.setrlimit(resource.RLIMIT_CPU, (int(5 * cpu_s), int(5 * cpu_s) + 1))
-            answer: tuple[object, BaseException | None, float]
+            result: T | None = None
+            wrong: BaseException | None = None
             begin = time.process_time()
             try:
-                answer = work(), None, time.process_time() - begin
+                result = work()
             except Exception as error:  # any error at all goes to the parent, which judges it
-                answer = None, error, time.process_time() - begin
+                wrong = error
+            took = time.process_time() - begin
+            answer = result, wrong, took if took < cpu_s else took / _slowness()
             with open(writer, "wb") as out:
                 out.write(pickle.dumps(answer))
         finally:
