@@ -62,8 +62,8 @@ def bounded(work: Callable[[], T], cpu_s: float = CPU_S, memory: int = MEMORY_BY
         answered = stream_in.read()
     _, status = os.waitpid(child, 0)
     assert answered, f"it was ended by the kernel: {os.waitstatus_to_exitcode(status)}"
-    value, error, took = pickle.loads(answered)
+    value, raised, took = pickle.loads(answered)
     assert took < cpu_s, f"it took {took:.1f} s"
-    if error is not None:
-        raise error
+    if raised is not None:
+        raise raised
     return value  # type: ignore[no-any-return]  # what was pickled is what `work` returned
