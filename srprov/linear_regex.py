@@ -11,30 +11,64 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 _MOST_BYTES = 8 << 20
-"""Of memory that a compiled pattern may take."""
+"""Of memory that compiled patterns may take together."""
+_MOST_OF_ONE = 1 << 20
+"""Of memory that one may take: some 65,000 steps, which take a tenth of a second to compile."""
+_STEPS, _LARGEST = 300_000, 65_000
+"""Steps of a program that all patterns of an experiment have together, and what one counts as that is too large. A
+number behind a word has twenty, a letter of any alphabet 1200."""
 
 
-def check_pattern(pattern: str, groups: int = 0) -> None:
-    """Refuse what is no pattern, or has fewer groups than are wanted.
+class Patterns:
+    """The patterns of one experiment, which are checked one by one: a short one may take long to compile."""
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self._left = _STEPS
+
+    def check(self, pattern: str, groups: int = 0) -> None:
+        """Refuse what is no pattern, has fewer groups than are wanted, or is too much with those before.
+
+        Raises:
+            ValueError: It says why.
+        """
+        if self._left > 0:
+            try:
+                found = compiled(pattern)
+            except ValueError:
+                self._left -= _LARGEST
+                raise
+            self._left -= found.programsize
+        if self._left <= 0:
+            raise ValueError(f"with '{pattern[:60]}', all patterns together are too large: write them shorter")
+        if found.groups < groups:
+            raise ValueError(f"'{pattern[:60]}' has no group; put parentheses around the number")
+
+
+def check_pattern(pattern: str) -> None:
+    """Refuse what is no pattern.
 
     Raises:
         ValueError: It says why.
     """
-    if compiled(pattern).groups < groups:
-        raise ValueError(f"'{pattern[:60]}' has no group; put parentheses around the number")
+    Patterns().check(pattern)
 
 
-@functools.lru_cache(maxsize=256)
 def compiled(pattern: str) -> Any:  # noqa: ANN401 - google-re2 is not typed; it has the interface of `re.Pattern`
     """Return the compiled pattern.
 
     Raises:
         ValueError: It is none.
     """
+    return _compiled(pattern, _MOST_OF_ONE)
+
+
+@functools.lru_cache(maxsize=512)
+def _compiled(pattern: str, most: int) -> Any:  # noqa: ANN401 - as above
     import re2
 
     options = re2.Options()
-    options.max_mem, options.log_errors = _MOST_BYTES, False
+    options.max_mem, options.log_errors = most, False
     try:
         return re2.compile(pattern, options)
     except re2.error as error:
@@ -44,10 +78,17 @@ def compiled(pattern: str) -> Any:  # noqa: ANN401 - google-re2 is not typed; it
 
 def any_of(patterns: Sequence[str]) -> Callable[[bytes], object] | None:
     """Return a search that finds something where any of these patterns does; None where each must be tried itself."""
+    return _any_of(tuple(patterns))
+
+
+@functools.lru_cache(maxsize=64)
+def _any_of(patterns: tuple[str, ...]) -> Callable[[bytes], object] | None:
+    """Return it; that there is none is known for the next time, too."""
     if any("\\Q" in one for one in patterns):  # it may quote the parenthesis that ends its pattern here
         return None
     try:
-        search: Callable[[bytes], object] = compiled("|".join(f"(?:{one})" for one in patterns)).search
+        every = "|".join(f"(?:{one})" for one in patterns)
+        search: Callable[[bytes], object] = _compiled(every, _MOST_BYTES).search
     except ValueError:  # all together are too large
         return None
     return search

@@ -15,7 +15,7 @@ from srprov.definitions.trialpoints import MOST_TRIALS, combinations, most_point
 from srprov.definitions.trialsmodel import TrialDefinitions, TrialSettings, folder_of
 from srprov.definitions.values import scalars
 from srprov.errors import did_you_mean
-from srprov.linear_regex import check_pattern
+from srprov.linear_regex import Patterns
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Seq
 
@@ -29,8 +29,9 @@ def check(root: Map, found: TrialDefinitions, services: Mapping[str, Service], f
     _points(root, found, findings)
     _names(root, found, services, findings)
     _results(root, found, findings)
-    _metrics(root, found, findings)
-    _conditions(root, found, services, findings)
+    patterns = Patterns()
+    _metrics(root, found, findings, patterns)
+    _conditions(root, found, services, findings, patterns)
     _settings(root, found, findings)
     trialkept.check(root, found, services, findings)
 
@@ -181,12 +182,12 @@ def _results(root: Map, found: TrialDefinitions, findings: Findings) -> None:
                 findings.add(nodes.find(root, (*path, "path")), message, path, hint, code=Code.TRIAL_JUDGING)
 
 
-def _metrics(root: Map, found: TrialDefinitions, findings: Findings) -> None:
+def _metrics(root: Map, found: TrialDefinitions, findings: Findings, patterns: Patterns) -> None:
     """Add patterns that are none, and files that nobody brings home."""
     for one in found.metrics:
         path: Path = ("metrics", one.name)
         if one.pattern:
-            _pattern(root, (*path, "log"), one.pattern, 0 if one.reduce == "count" else 1, findings)
+            _pattern(root, (*path, "log"), one.pattern, 0 if one.reduce == "count" else 1, findings, patterns)
         elif one.reduce != "last":
             findings.add(
                 nodes.find(root, (*path, "reduce")), "'reduce' is for numbers of a log", path, code=Code.TRIAL_JUDGING
@@ -203,14 +204,16 @@ def _metrics(root: Map, found: TrialDefinitions, findings: Findings) -> None:
             )
 
 
-def _conditions(root: Map, found: TrialDefinitions, services: Mapping[str, Service], findings: Findings) -> None:
+def _conditions(
+    root: Map, found: TrialDefinitions, services: Mapping[str, Service], findings: Findings, patterns: Patterns
+) -> None:
     """Add conditions that cannot be: of metrics that nobody extracts, and of services that never end."""
     metrics = {one.name for one in found.metrics}
     for key, conditions in all_conditions(found.settings):
         for index, one in enumerate(conditions.items):
             path = place_of(key, conditions, index)
             if one.pattern:
-                _pattern(root, (*path, "log", "matches"), one.pattern, 0, findings)
+                _pattern(root, (*path, "log", "matches"), one.pattern, 0, findings, patterns)
             if one.metric and one.metric not in metrics:
                 _no_metric(root, path, one.metric, metrics, findings)
             for at, name in enumerate(one.services if one.kind in ("completed", "exit") else ()):
@@ -232,8 +235,8 @@ def _no_metric(root: Map, path: Path, metric: str, known: Collection[str], findi
     findings.add(place, f"there is no metric '{metric[:60]}'", path, hint, code=Code.NO_SUCH_NAME)
 
 
-def _pattern(root: Map, path: Path, pattern: str, groups: int, findings: Findings) -> None:
+def _pattern(root: Map, path: Path, pattern: str, groups: int, findings: Findings, patterns: Patterns) -> None:
     try:
-        check_pattern(pattern, groups)
+        patterns.check(pattern, groups)
     except ValueError as error:
         findings.add(nodes.find(root, path), str(error), path, code=Code.TRIAL_JUDGING)

@@ -416,3 +416,21 @@ def test_a_playbook_of_megabytes_is_refused(tmp_path: Path) -> None:
     for size, says in ((50_001, "is longer than 50000 characters"), (10_000_000, "it is larger than 1000000 bytes")):
         (tmp_path / "p.yml").write_text("#" * size)
         assert says in problems(tmp_path / "a.edf", edf("  a: {image: x}\n", "playbooks: {before: [p.yml]}\n"))
+
+
+@pytest.mark.parametrize("pattern", [r"(\pL{1,52})", r"(\pL{1,250})", r"(\pL{1,900})", r"((?i:\pL){1,9})"])
+def test_patterns_of_metrics_are_checked_in_time(tmp_path: Path, pattern: str) -> None:
+    """Each has twenty characters; two hundred of them took half a minute and half a gigabyte."""
+    metrics = "".join(f"  m{number}: {{service: a, log: '{pattern}{number}'}}\n" for number in range(200))
+    trials = "trials: {order: listed, timeout: 5s}\nmetrics:\n"
+    told = problems(tmp_path / "a.edf", edf("  a: {image: x}\n", f"{trials}{metrics}"))
+    assert "all patterns together are too large: write them shorter" in told
+
+
+def test_as_many_patterns_of_the_usual_kind_are_no_problem(tmp_path: Path) -> None:
+    usual = r"(?i)^\[INFO\].{0,200} distance: ([-+]?\d+(\.\d+)?([eE][-+]?\d+)?)"
+    metrics = "".join(f"  m{number}: {{service: a, log: '{usual} m{number}'}}\n" for number in range(90))
+    metrics += "  letters: {service: a, log: '\\pL{1,50} (\\d+)'}\n"
+    path = tmp_path / "a.edf"
+    path.write_text(edf("  a: {image: x}\n", f"trials: {{order: listed, timeout: 5s}}\nmetrics:\n{metrics}"))
+    assert check_files([path]) == []
