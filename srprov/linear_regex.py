@@ -12,9 +12,9 @@ from typing import Any
 
 _MOST_BYTES = 8 << 20
 """Of memory that compiled patterns may take together."""
-_MOST_OF_ONE = 1 << 20
-"""Of memory that one may take: some 65,000 steps, which take a tenth of a second to compile."""
-_STEPS, _LARGEST = 300_000, 65_000
+_MOST_OF_ONE = 1 << 19
+"""Of memory that one may take: some 32,000 steps, with which a line of 64 KiB takes half a minute at worst."""
+_STEPS, _LARGEST = 300_000, 32_000
 """Steps of a program that all patterns of an experiment have together, and what one counts as that is too large. A
 number behind a word has twenty, a letter of any alphabet 1200."""
 

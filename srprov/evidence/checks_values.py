@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import io
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from srprov.evidence.files import Files, NotThere, content, json_of
+from srprov.evidence.files import Files, NotThere, Undecided, content, json_of
 from srprov.evidence.session import Session
 from srprov.evidence.story import Story, attempt_folder, attempt_of
 from srprov.record.results import timed_lines
@@ -16,12 +17,38 @@ from srprov.trials.metrics import MOST_BYTES, from_json, scan
 from srprov.trials.reading import read
 from srprov.untrusted import mapping, mappings, string, string_map
 
+_SEARCH_S, _PACE = 10.0, 1 << 20
+"""For the logs of all attempts together, and the bytes of them that give a second back."""
+
+
+class Patience:
+    """How long logs are looked through for patterns of a stranger's: a short one may take seconds for a long line."""
+
+    def __init__(self) -> None:
+        """Begin to wait."""
+        self._end = time.monotonic() + _SEARCH_S
+
+    def tick(self, size: int) -> None:
+        """Take so many bytes that are looked through from now on, which give time back.
+
+        Raises:
+            Undecided: It takes too long.
+        """
+        self._end += size / _PACE
+        if time.monotonic() > self._end:
+            raise Undecided(f"its patterns take longer than {_SEARCH_S:.0f} s, and a second for each MiB of a log")
+
 
 def measured(story: Story, files: Files) -> Iterator[str]:
-    """Take each metric again from logs and results, and judge each attempt again."""
+    """Take each metric again from logs and results, and judge each attempt again.
+
+    Raises:
+        Undecided: The experiment's patterns take too long.
+    """
+    patience = Patience()
     for session, row in _whole(story):
         folder = attempt_folder(row)
-        metrics, matched = again(session, folder, files)
+        metrics, matched = again(session, folder, files, patience)
         for one in session.given.metrics:
             now, then = metrics.get(one.name), row.get(f"m_{one.name}")
             if now != then:
@@ -40,7 +67,9 @@ def _whole(story: Story) -> Iterator[tuple[Session, Row]]:
             yield session, row
 
 
-def again(session: Session, folder: str, files: Files) -> tuple[dict[str, float], set[Match]]:
+def again(
+    session: Session, folder: str, files: Files, patience: Patience
+) -> tuple[dict[str, float], set[Match]]:  # fmt: skip
     """Return an attempt's metrics, and what of `success` its logs match, from its files alone."""
     given = session.given
     found: dict[str, float] = {}
@@ -56,7 +85,8 @@ def again(session: Session, folder: str, files: Files) -> tuple[dict[str, float]
         metrics = [one for one in given.metrics if one.pattern and one.service == service]
         patterns = [one.pattern for one in items if one.pattern and service in one.services]
         if metrics or patterns:
-            scanned = scan(_lines(files, f"{folder}/logs/{robot}.{service}.log"), metrics, patterns)
+            lines = _lines(files, f"{folder}/logs/{robot}.{service}.log")
+            scanned = scan(lines, metrics, patterns, patience.tick)
             found |= scanned.values
             matched |= {(service, pattern) for pattern in scanned.first}
     return found, matched

@@ -48,13 +48,21 @@ class Scanned(msgspec.Struct, frozen=True, kw_only=True):
     """Pattern -> the engine's time of the first line that matched, as it stands there."""
 
 
-def scan(lines: Iterable[tuple[str, str]], metrics: Iterable[Metric], patterns: Iterable[str] = ()) -> Scanned:
+def _never(_size: int) -> None:
+    """Wait for as long as it takes."""
+
+
+def scan(
+    lines: Iterable[tuple[str, str]], metrics: Iterable[Metric], patterns: Iterable[str] = (),
+    tick: Callable[[int], None] = _never,
+) -> Scanned:  # fmt: skip
     """Read a log once, for all that is wanted of it; in memory is a line at a time.
 
     Args:
         lines: The engine's time and the text of each.
         metrics: Those of this log.
         patterns: Others that are looked for.
+        tick: Called before each search, with the bytes of a line at its first; may raise to end it.
     """
     numbers = [(compiled(one.pattern).search, one, _Reduced(one.reduce)) for one in metrics]
     wanted = [(compiled(pattern).search, pattern) for pattern in dict.fromkeys(patterns)]
@@ -64,12 +72,15 @@ def scan(lines: Iterable[tuple[str, str]], metrics: Iterable[Metric], patterns: 
     first: dict[str, str] = {}
     for when, text in lines:
         line = text[:LONGEST_LINE].encode("utf-8", "replace")
+        tick(len(line))
         if some is not None and not some(line):  # most lines match nothing, which is one search
             continue
         for search, _, reduced in numbers:
+            tick(0)
             if match := search(line):
                 reduced.add(match)
         for search, pattern in wanted:
+            tick(0)
             if pattern not in first and search(line):
                 first[pattern] = when
     values = {one.name: value for _, one, reduced in numbers if (value := reduced.value()) is not None}

@@ -430,7 +430,7 @@ def test_patterns_of_metrics_are_checked_in_time(tmp_path: Path, pattern: str) -
 def test_as_many_patterns_of_the_usual_kind_are_no_problem(tmp_path: Path) -> None:
     usual = r"(?i)^\[INFO\].{0,200} distance: ([-+]?\d+(\.\d+)?([eE][-+]?\d+)?)"
     metrics = "".join(f"  m{number}: {{service: a, log: '{usual} m{number}'}}\n" for number in range(90))
-    metrics += "  letters: {service: a, log: '\\pL{1,50} (\\d+)'}\n"
+    metrics += "  letters: {service: a, log: '\\pL{1,20} (\\d+)'}\n"
     path = tmp_path / "a.edf"
     path.write_text(edf("  a: {image: x}\n", f"trials: {{order: listed, timeout: 5s}}\nmetrics:\n{metrics}"))
     assert check_files([path]) == []

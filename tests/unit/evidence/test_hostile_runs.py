@@ -10,7 +10,7 @@ import pytest
 from msgspec.structs import replace
 
 from srprov.errors import UsageError
-from srprov.evidence import crate_runs, deposits, descriptions, replay, session, story
+from srprov.evidence import checks_values, crate_runs, deposits, descriptions, replay, session, story
 from srprov.evidence.verify import verify
 from tests.bounded import bounded
 from tests.unit.evidence.bundles import Content, archive, as_it_is, events, forged, journal, packed, with_manifest
@@ -107,6 +107,20 @@ def test_a_small_journal_makes_no_large_tables(content: Content, tmp_path: Path)
     ]
     made = with_manifest({**content, "journal.jsonl": content["journal.jsonl"] + "".join(lines).encode()})
     assert bounded(lambda: _said("cells and services together", packed(made, tmp_path / "a.zip")))
+
+
+def test_patterns_that_take_long_are_not_waited_for(
+    content: Content, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A line of a log takes seconds with one of them: hours with two hundred, of a bundle of a megabyte."""
+    monkeypatch.setattr(checks_values, "_SEARCH_S", 0.2)
+    line = b"2026-11-22T09:00:01Z " + b"a" * 65_000 + b"\n"
+    slow = content["sessions/1/inputs/race.edf"].replace(b"'^tick'", b"'(a?){500}a{500}z'")
+    logs = {name: line * 20 for name in content if name.endswith("r2.referee.log")}
+    made = with_manifest({**content, **logs, "sessions/1/inputs/race.edf": slow})
+    report = bounded(lambda: verify(str(packed(made, tmp_path / "a.zip"))), cpu_s=4)
+    (found,) = (one for one in report.findings if one.id == "M1")
+    assert found.result == "skipped" and "its patterns take longer than" in found.details[0]
 
 
 DATA = ["inputs/race.edf/x", "inputs/tracks", f"inputs/{'x' * 300}", f"inputs/{'x/' * 3000}x", f"inputs/{'x/' * 101}x"]
