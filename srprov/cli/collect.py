@@ -14,6 +14,9 @@ from srprov.cli.output import counted, err, out, out_json, tell_unreachable
 from srprov.codes import Code
 from srprov.errors import UsageError, visible
 
+_MOST_TOLD = 1000
+"""Lines of a kind: a robot may have any number of files that cannot be read."""
+
 
 @click.command()
 @click.argument("file", metavar="FILE")
@@ -63,9 +66,8 @@ def _show(document: Mapping[str, Any], folder: Path) -> None:
     here = sum(bool(one.get("name")) for some in document["results"].values() for one in some)
     fetched = f"{counted(document['fetched_files'], 'file')} fetched, {document['fetched_bytes']} bytes"
     out(f"{counted(here, 'result file')} in {visible(str(folder))}; {fetched}")
-    for line in document["unclosed"]:
-        err(f"not closed: {visible(line)}")
-    for line in document["missing"]:
-        err(f"missing: {visible(line)}")
-    for line in document["failed"]:
-        err(f"not fetched: {visible(line)}")
+    for word, key in (("not closed", "unclosed"), ("missing", "missing"), ("not fetched", "failed")):
+        for line in document[key][:_MOST_TOLD]:
+            err(f"{word}: {visible(line)}")
+        if (more := len(document[key]) - _MOST_TOLD) > 0:
+            err(f"{word}: {more} more, which collected.json names")

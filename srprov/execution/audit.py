@@ -77,4 +77,4 @@ def _append(session: Session, line: str) -> str:
 
 
 def _why(reply: Reply) -> str:
-    return " ".join((reply.err or reply.out).split()) or f"status {reply.status}"
+    return " ".join((reply.err or reply.out).split())[:500] or f"status {reply.status}"

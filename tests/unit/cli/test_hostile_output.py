@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from srprov.cli import output, progress
+from srprov.cli.collect import _show
 from srprov.cli.logs import _Text
 from srprov.cli.main import run
 from srprov.cli.output import clean, out_json
@@ -122,6 +123,16 @@ def test_what_robots_say_of_steps_and_trials_begins_no_line(capsys: pytest.Captu
     news = TrialNews(trial="t", order=1, trials=2, values={}, what="r1: a\n[2/2] t2: ok", aloud=True)
     _Shown().say(news)
     assert capsys.readouterr().err == "[1/2] t: r1: a\\n[2/2] t2: ok\n"
+
+
+def test_what_a_robot_has_without_end_is_told_up_to_a_thousand(capsys: pytest.CaptureFixture[str]) -> None:
+    failed = [f"a: {number}" for number in range(1200)]
+    document = {"results": {}, "fetched_files": 0, "fetched_bytes": 0, "unclosed": [], "missing": [], "failed": failed}
+    _show(document, Path("home"))
+    said = capsys.readouterr().err.splitlines()
+    assert (
+        said[-2:] == ["not fetched: a: 999", "not fetched: 200 more, which collected.json names"] and len(said) == 1001
+    )
 
 
 @pytest.mark.parametrize("word", [*WORDS, "[/b]", "[red]x", "[link=http://x]y[/link]", "[/]"])
