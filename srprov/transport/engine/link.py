@@ -196,6 +196,12 @@ class _Reader(io.BufferedReader):
         self._owner.give_back(len(piece))
         return piece
 
+    def readinto(self, buffer: Any, /) -> int:  # noqa: ANN401 - as the base class has it
+        """Fill a buffer, which is how http.client of Python 3.10 reads content."""
+        size = super().readinto(buffer)
+        self._owner.give_back(size)
+        return size
+
     def close(self) -> None:
         self._owner.answer_read()
 

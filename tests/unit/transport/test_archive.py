@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import json
+import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -16,6 +18,7 @@ from srprov.definitions.model import Host
 from srprov.errors import TransportError, UsageError
 from srprov.session import Session
 from srprov.transport import connect
+from srprov.transport.engine.link import EngineSocket, WaitInAll
 from tests.unit.transport.test_local_session import Answer, PlayedEngine, pytestmark, reply
 
 __all__ = ["pytestmark"]
@@ -166,3 +169,28 @@ def test_what_is_no_content_gives_no_time_back(
     with pytest.raises(TransportError, match="did not answer within"):
         list(session.copy_out("c", "/out") if verb == "cp" else session.container_log("c", tail=-1, follow=False))
     assert time.monotonic() - begin < 5
+
+
+@pytest.mark.parametrize("way", ["read", "read1", "readinto"])
+def test_content_gives_time_back_however_http_client_reads_it(way: str) -> None:
+    """Which way that is depends on Python's version: a copy over a slow radio must not be cut with some of them."""
+    ours, theirs = socket.socketpair()
+    stream = EngineSocket(ours, lambda: "", lambda: False)
+    stream.settimeout(WaitInAll(0.5))
+
+    def send() -> None:
+        for _ in range(100):
+            theirs.sendall(b"x" * 100)
+            time.sleep(0.01)
+        theirs.close()
+
+    threading.Thread(target=send, daemon=True).start()
+    reader, got = stream.makefile(), 0
+    while True:
+        buffer = bytearray(200)
+        size = reader.readinto(buffer) if way == "readinto" else len(getattr(reader, way)(200))
+        got += size
+        if not size:
+            break
+    ours.close()
+    assert got == 10_000
