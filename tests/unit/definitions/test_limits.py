@@ -161,7 +161,7 @@ def test_a_folder_that_is_named_a_thousand_times_is_walked_through_once(tmp_path
             os.mknod(parent / str(number))
         else:
             (parent / str(number)).symlink_to("nowhere")
-    text = edf(services(9, lambda _: listed("volumes", (f"./data:/d{j}:ro" for j in ROWS))))
+    text = edf(services(3, lambda _: listed("volumes", (f"./data:/d{j}:ro" for j in ROWS))))
     assert problems(tmp_path / "a.edf", text) == ""
 
 

@@ -103,7 +103,7 @@ def test_a_small_journal_makes_no_large_tables(content: Content, tmp_path: Path)
     found = events(content)
     lines = [
         f'{{"seq":{number},"event":"end","trial":"t{number}","row":{{"trial":"t{number}","attempt":1,"status":"x"}}}}\n'
-        for number in range(len(found) + 1, 100_000)
+        for number in range(len(found) + 1, 70_000)
     ]
     made = with_manifest({**content, "journal.jsonl": content["journal.jsonl"] + "".join(lines).encode()})
     assert bounded(lambda: _said("cells and services together", packed(made, tmp_path / "a.zip")))
