@@ -166,6 +166,9 @@ class Terminal:
                 self.shown += os.read(self.end, 65536).decode()
             except BlockingIOError:
                 return False
+            except OSError as error:
+                code = self.run.wait(timeout=30)
+                raise AssertionError(f"it ended with {code} before {words!r}, and showed {self.shown!r}") from error
             return words in self.shown
 
         wait_until(look, 30, f"{words!r} after {keys!r} in {self.shown!r}")
