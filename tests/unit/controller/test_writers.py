@@ -44,14 +44,18 @@ class Here:
 
 def checked(shell: tuple[str, ...], *mounts: tuple[Path, bool]) -> int:
     """Check services of one robot, each with one path that is read-only or not; return how many robots were asked."""
+    return checked_by(Here(shell), *mounts)
+
+
+def checked_by(look: Here, *mounts: tuple[Path, bool]) -> int:
+    """Check as `checked` does, by what one way of asking says."""
     services = [
         service(f"s{at}", mounts=(Mount(kind="bind", source=str(path), target="/x", read_only=only),))
         for at, (path, only) in enumerate(mounts)
     ]
     steps = plan_for(World().add("r1"), experiment(service("s0"))).steps
-    look: Any = Here(shell)
     check_writers(steps, [("r1", one) for one in services], cast("Gathering", look))
-    return cast("int", look.asked)
+    return look.asked
 
 
 class InNamespace(Here):
@@ -69,15 +73,11 @@ def test_a_part_of_a_written_folder_that_is_mounted_elsewhere_is_refused(tmp_pat
     """A link that is swapped there while the robot looks gave the engine."""
     for one in ("data/maps/x", "data/other", "above/disk", "a part"):
         (tmp_path / one).mkdir(parents=True)
-    look: Any = InNamespace(SHELLS[0])
+    look = InNamespace(SHELLS[0])
     look.mounts = f"cd {tmp_path} && mount --bind data/maps 'a part' && mount --bind data above/disk"
-    steps = plan_for(World().add("r1"), experiment(service("s0"))).steps
 
     def check(path: str) -> None:
-        some = [(tmp_path / written, False), (tmp_path / path, True)]
-        binds = [Mount(kind="bind", source=str(one), target="/x", read_only=only) for one, only in some]
-        placed = [("r1", service(f"s{at}", mounts=(one,))) for at, one in enumerate(binds)]
-        check_writers(steps, placed, cast("Gathering", look))
+        checked_by(look, (tmp_path / written, False), (tmp_path / path, True))
 
     for path in ("a part/x", "a part/none"):
         with pytest.raises(UsageError, match="lies in a folder that a container"):
@@ -134,19 +134,15 @@ def test_a_folder_of_an_overlay_is_known_by_the_names_of_its_layers(tmp_path: Pa
     """Robots whose disk is read-only show one beside memory (overlayroot), and both by their own names, too."""
     for one in ("disk", "shown", "maps"):
         (tmp_path / one).mkdir()
-    look: Any = InNamespace(SHELLS[0])
+    look = InNamespace(SHELLS[0])
     look.mounts = (
         f"cd {tmp_path} && mount -t tmpfs tmpfs disk && mkdir -p disk/low/data/x disk/up disk/work disk/maps && "
         f"mount -t overlay overlay -o lowerdir={tmp_path}/disk/low,upperdir={tmp_path}/disk/up,workdir=disk/work shown "
         "&& mkdir -p shown/data/x"
     )
-    steps = plan_for(World().add("r1"), experiment(service("s0"))).steps
 
     def check(path: str) -> None:
-        some = [(tmp_path / written, False), (tmp_path / path, True)]
-        binds = [Mount(kind="bind", source=str(one), target="/x", read_only=only) for one, only in some]
-        placed = [("r1", service(f"s{at}", mounts=(one,))) for at, one in enumerate(binds)]
-        check_writers(steps, placed, cast("Gathering", look))
+        checked_by(look, (tmp_path / written, False), (tmp_path / path, True))
 
     with pytest.raises(UsageError, match=f"{mounted}, which 's1' mounts, lies in a folder"):
         check(mounted)
@@ -158,16 +154,11 @@ def test_a_folder_of_an_overlay_is_known_by_the_names_of_its_layers(tmp_path: Pa
 def test_what_is_mounted_below_a_read_only_path_is_written_to(tmp_path: Path, way: str, refused: bool) -> None:
     """Docker before 25 makes the path read-only, and nothing that is mounted below it."""
     (tmp_path / "top/disk").mkdir(parents=True)
-    look: Any = InNamespace(SHELLS[0])
+    look = InNamespace(SHELLS[0])
     look.mounts = f"mount -t tmpfs tmpfs {tmp_path}/top/disk && mkdir {tmp_path}/top/disk/x && "
     look.mounts += f"mount -o remount,{way} {tmp_path}/top/disk"
-    steps = plan_for(World().add("r1"), experiment(service("s0"))).steps
-    binds = [
-        Mount(kind="bind", source=f"{tmp_path}/{one}", target="/x", read_only=True) for one in ("top", "top/disk/x")
-    ]
-    placed = [("r1", service(f"s{at}", mounts=(one,))) for at, one in enumerate(binds)]
     with pytest.raises(UsageError, match="top/disk/x, which 's1' mounts") if refused else nullcontext():
-        check_writers(steps, placed, cast("Gathering", look))
+        checked_by(look, (tmp_path / "top", True), (tmp_path / "top/disk/x", True))
 
 
 @pytest.mark.parametrize("shell", SHELLS, ids=lambda shell: shell[0])
