@@ -121,6 +121,14 @@ def _check_expected(planned: Planned, expected: str) -> None:
         check_hash(planned.plan, expected)
 
 
+def _get_ready() -> None:
+    """Import what does the plan, while it is still being made."""
+    from srprov.controller import probe  # noqa: F401 - to have it imported
+    from srprov.controller.run import get_ready
+
+    get_ready()
+
+
 def _probing(planned: Planned) -> OverlayProbe | None:
     """Return what to try after the run, when it will change anything."""
     if planned.plan.empty:
@@ -158,7 +166,7 @@ def _planned(
         from srprov.controller.saved import check_plan
 
         return check_plan(source, fleet, adopt=request.adopt, signed=signed)
-    with fleet.look(source.experiment) as look, answers_only():
+    with fleet.look(source.experiment, meanwhile=_get_ready) as look, answers_only():
         from srprov.controller.plan import make_plan  # a tenth of a second of imports, while the robots are asked
         from srprov.controller.targets import only_targets
 

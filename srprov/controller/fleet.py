@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -57,18 +57,23 @@ class Fleet(msgspec.Struct, frozen=True):
         """Return the robots that a connection is still being made to."""
         return self.sessions.awaited()
 
-    def look(self, experiment: Experiment, *, exact: bool = False) -> Gathering:
+    def look(
+        self, experiment: Experiment, *, exact: bool = False, meanwhile: Callable[[], None] | None = None
+    ) -> Gathering:
         """Begin to ask every robot, as soon as it is connected, for an experiment that may run there.
 
         The engines are asked of themselves at once with `exact`, and when a service requires a disk of some size: which
-        one is Docker's, only the engine knows for sure.
+        one is Docker's, only the engine knows for sure. `meanwhile` is called when something is to be decided, while
+        the robots are asked once more.
         """
         from srprov.facts.gather import Gathering
 
         engine = exact or any(service.requires.disk for service in experiment.services.values())
         ports = any(service.runtime.ports or service.runtime.expose for service in experiment.services.values())
         ports = ports or experiment.network.encryption != "none"
-        return Gathering(self.inventory, self.sessions.get, engine=engine, ports=ports, forks=self.forks)
+        return Gathering(
+            self.inventory, self.sessions.get, engine=engine, ports=ports, forks=self.forks, meanwhile=meanwhile
+        )
 
     def gather(self, detail: Detail, *, keep_mute: bool = False) -> Snapshot:
         """Ask every robot once and return what was found; see `srprov.facts.gather.gather`."""

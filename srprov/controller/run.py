@@ -92,6 +92,14 @@ def run(
     )
 
 
+def get_ready() -> None:
+    """Import what a run with changes needs, where there is time for it: it takes an eighth of a second."""
+    from srprov.execution import executor  # noqa: F401 - to have it imported
+    from srprov.transport.engine import preload
+
+    preload()
+
+
 def _recording(planned: Planned, fleet: Fleet, verb: str, runs: Path | None) -> RunFolder:
     """Begin the run's folder, with everything that is known before the first act; it is written meanwhile."""
     folder = RunFolder(runs or default_root(), run_id(planned.plan, dt.datetime.now(dt.timezone.utc)))

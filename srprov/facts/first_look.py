@@ -13,7 +13,7 @@ import msgspec
 from msgspec.structs import replace
 
 from srprov.definitions.model import Host
-from srprov.facts.host import host_queries, later_query, parse_host
+from srprov.facts.host import host_queries, later_query, parse_host, with_closer
 from srprov.facts.model import HostFacts, TakenPort
 from srprov.facts.placements import parse_placements, without_records
 from srprov.facts.probes import FILES, INFO
@@ -34,9 +34,6 @@ class Answers(msgspec.Struct, frozen=True, kw_only=True):
 
     host: Host
     replies: Sequence[Reply]
-    measures: Measures | None
-    asked_at: float
-    """Seconds since the epoch."""
     facts: HostFacts
     observed: tuple[Observed, ...]
     placements: Mapping[str, Mapping[str, Any]]
@@ -54,7 +51,7 @@ class Answers(msgspec.Struct, frozen=True, kw_only=True):
         replies = [*self.replies, *answers]
         with answers_of(self.host.name):
             taken = taken_ports(of_ports) if ports else ()
-            seen = parse_host(self.host, replies, measures=self.measures, now=self.asked_at, later=later)
+            seen = with_closer(self.facts, replies, later)
         if self.facts.docker is None:
             seen = replace(seen, docker=None, docker_problem=self.facts.docker_problem)
         return seen, taken
@@ -88,8 +85,6 @@ def _read(
     return Answers(
         host=host,
         replies=[without_records(one) if query == FILES else one for query, one in zip(mine, asked, strict=True)],
-        measures=measures,
-        asked_at=asked_at,
         facts=facts,
         observed=parse_observed(seen),
         placements=parse_placements(replies[-1]),

@@ -9,7 +9,8 @@ from __future__ import annotations
 import concurrent.futures
 import contextlib
 import enum
-from collections.abc import Iterable, Mapping, Sequence
+import threading
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from typing import Any
 
@@ -43,8 +44,9 @@ class Gathering:
     """
 
     def __init__(
-        self, inventory: Inventory, readers: Readers, *, engine: bool = False, ports: bool = False, forks: int = 64
-    ) -> None:
+        self, inventory: Inventory, readers: Readers, *, engine: bool = False, ports: bool = False, forks: int = 64,
+        meanwhile: Callable[[], None] | None = None,
+    ) -> None:  # fmt: skip
         """Ask every robot in threads, as soon as it is connected.
 
         Args:
@@ -53,7 +55,9 @@ class Gathering:
             engine: Ask the engines of themselves at once.
             ports: Whoever looks closer wants to know who has which ports.
             forks: Robots asked at the same time.
+            meanwhile: Called in a thread of its own when robots are looked at closer, which means waiting for them.
         """
+        self._meanwhile = meanwhile
         self.inventory, self._readers, self._engine = inventory, readers, engine
         self._ports = ports
         self._pool = concurrent.futures.ThreadPoolExecutor(max(1, min(forks, len(inventory.hosts))))
@@ -82,6 +86,8 @@ class Gathering:
         def ask_again(name: str) -> tuple[HostFacts, tuple[TakenPort, ...]]:
             return self._futures[name].result().closer(self._readers, engine=engine, traffic=traffic, ports=ports)
 
+        if self._meanwhile:
+            threading.Thread(target=self._meanwhile, name="meanwhile", daemon=True).start()
         again = {name: self._pool.submit(ask_again, name) for name in snapshot.facts}
         snapshot = _with_facts(snapshot, again)
         return snapshot if keep_mute else _without_mute(snapshot)

@@ -9,14 +9,15 @@ Source: proc(5), sysfs-class-net, Docker Engine API 1.41 (`/_ping`, `/info`).
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import msgspec
 from msgspec.structs import replace
 
 from srprov.definitions.model import Host
-from srprov.facts.answers import Files, OsIdentity
+from srprov.facts.amounts import amounts
+from srprov.facts.answers import Disks, Files, OsIdentity
 from srprov.facts.engine import engine_disk, read_engine
 from srprov.facts.equipment import equipment
 from srprov.facts.hardware import detect_tags
@@ -28,10 +29,9 @@ from srprov.facts.speeds import traffic_mbit, with_speeds
 from srprov.facts.spelled import read_spelled
 from srprov.facts.wireguard import WireguardAnswer
 from srprov.session import Measures
-from srprov.untrusted import decimal, integer, text
+from srprov.untrusted import text
 from srprov.wire import EngineQuery, Query, Reply
 
-_MOST_BYTES = 2**60
 _ARCHITECTURES = {
     "x86_64": "amd64",
     "amd64": "amd64",
@@ -93,12 +93,10 @@ def parse_host(
     said = _read(replies)
     identity: OsIdentity = said["identity"]
     files: Files = said["files"]
-    docker, problem = read_engine(replies)
     arch = _arch(identity)
     links = with_speeds(said["links"], files, said["wireless"], measures)
     underlay = find_underlay(host, links, said["routes"], identity.reached_at)
     devices = said["devices"]
-    disk = engine_disk(said["disk"].mounts, (docker.root if docker else "") or said["disk"].root)
     facts = HostFacts(
         name=host.name,
         arch=arch,
@@ -106,10 +104,7 @@ def parse_host(
         **_words(files, said["wireguard"], said["processor"], said["rules"]),
         tags=tuple(detect_tags(devices, files, links, tuple(said["wireless"]), arch)),
         devices=(*devices.known, *devices.aliases),
-        docker=docker,
-        docker_problem=problem,
-        disk_total=disk.total,
-        disk_free=disk.free,
+        **_engine(replies, said["disk"]),
         links=links,
         routes=said["routes"].destinations,
         relies_on=lifelines(files, identity.client, said["routes"].gateways),
@@ -117,14 +112,28 @@ def parse_host(
         underlay_address=underlay.address,
         underlay_mtu=underlay.mtu,
         speed_mbit=next((link.speed_mbit for link in links if link.name == underlay.link), 0.0),
-        traffic_mbit=traffic_mbit(files, later, underlay, underlay.link in said["wireless"]),
+        traffic_mbit=traffic_mbit(files, later, underlay.link, underlay.link in said["wireless"]),
         slots=host.slots if host.slots is not None else 1,
         clock_offset_s=round(identity.clock_s - now, 3) if now is not None and identity.clock_s is not None else 0.0,
         user=identity.user or host.user or "",
         privileged=identity.uid == 0,
-        **_amounts(files, said["cpus"], measures),
+        **amounts(files, said["cpus"], measures),
     )
     return with_inventory(host, facts)
+
+
+def with_closer(facts: HostFacts, replies: Sequence[Reply], later: Reply | None) -> HostFacts:
+    """Return what `parse_host` would, of a robot whose other replies it has read already.
+
+    Args:
+        facts: What it gave for the replies before there were `INFO`'s and `later`.
+        replies: All of them, with `INFO`'s if that was asked.
+        later: As `parse_host` has it.
+    """
+    said = _read(replies, ("files", "disk", "wireless"))
+    link = facts.underlay_link
+    traffic = traffic_mbit(said["files"], later, link, link in said["wireless"])
+    return replace(facts, **_engine(replies, said["disk"]), traffic_mbit=traffic)
 
 
 def with_inventory(host: Host, facts: HostFacts) -> HostFacts:
@@ -137,11 +146,19 @@ def with_inventory(host: Host, facts: HostFacts) -> HostFacts:
     )
 
 
-def _read(replies: Sequence[Reply]) -> dict[str, Any]:
-    """Return each probe's value by its name; what a command said before it failed counts."""
+def _read(replies: Sequence[Reply], names: Collection[str] = ()) -> dict[str, Any]:
+    """Return the value of each probe, or of those with these names; what a command said before it failed counts."""
     shell = replies[: len(PROBES)]
     outs = [shell[i].out if i < len(shell) else "" for i in range(len(PROBES))]
-    return {probe.name: probe.parse(out) for probe, out in zip(PROBES, outs, strict=True)}
+    asked = zip(PROBES, outs, strict=True)
+    return {probe.name: probe.parse(out) for probe, out in asked if not names or probe.name in names}
+
+
+def _engine(replies: Sequence[Reply], disk: Disks) -> dict[str, Any]:
+    """Return what the engine says, and how much room there is where it keeps its data."""
+    docker, problem = read_engine(replies)
+    room = engine_disk(disk.mounts, (docker.root if docker else "") or disk.root)
+    return {"docker": docker, "docker_problem": problem, "disk_total": room.total, "disk_free": room.free}
 
 
 def _emulated(files: Files, arch: str) -> tuple[str, ...]:
@@ -182,60 +199,6 @@ def _os_name(files: Files) -> str:
             if line.startswith("PRETTY_NAME="):
                 return text(line.partition("=")[2].strip().strip("\"'"))
     return ""
-
-
-def _amounts(files: Files, counted: int, measures: Measures | None) -> dict[str, Any]:
-    """Return CPUs, load, memory and swap, consistent with each other: free is never more than total."""
-    raw: Mapping[str, object]
-    if measures is not None:
-        raw = {
-            "cpus": measures.cpus,
-            "load1": measures.load1,
-            "memory_total": measures.memory_total,
-            "memory_available": measures.memory_available,
-            "swap_total": measures.swap_total,
-            "swap_free": measures.swap_free,
-        }
-    else:
-        load = files.get("/proc/loadavg", ("",))[0].partition(" ")[0]
-        raw = {"cpus": counted or _online(files), "load1": load, **_memory(files)}
-    bounded = {
-        key: integer(raw[key], low=0, high=_MOST_BYTES, default=0) for key in raw if key not in ("cpus", "load1")
-    }
-    return {
-        "cpus": integer(raw["cpus"], low=1, high=4096, default=1),
-        "load1": decimal(raw["load1"], low=0.0, high=100_000.0, default=0.0),
-        "memory_total": bounded["memory_total"],
-        "memory_available": min(bounded["memory_available"], bounded["memory_total"]),
-        "swap_total": bounded["swap_total"],
-        "swap_free": min(bounded["swap_free"], bounded["swap_total"]),
-    }
-
-
-def _memory(files: Files) -> dict[str, int]:
-    kib = {}
-    for line in files.get("/proc/meminfo", ()):
-        name, _, amount = line.partition(":")
-        kib[name] = integer(amount.removesuffix("kB").strip(), low=0, high=_MOST_BYTES // 1024, default=0)
-    # MemAvailable came with Linux 3.14; this sum is what tools used before.
-    before = sum(kib.get(name, 0) for name in ("MemFree", "Buffers", "Cached"))
-    return {
-        "memory_total": kib.get("MemTotal", 0) * 1024,
-        "memory_available": kib.get("MemAvailable", before) * 1024,
-        "swap_total": kib.get("SwapTotal", 0) * 1024,
-        "swap_free": kib.get("SwapFree", 0) * 1024,
-    }
-
-
-def _online(files: Files) -> int:
-    """Count `0-3,6` of /sys, for kernels whose /proc/cpuinfo numbers no processors."""
-    total = 0
-    for part in files.get("/sys/devices/system/cpu/online", ("",))[0].strip().split(",")[:4096]:
-        first, _, last = part.partition("-")
-        low = integer(first, low=0, high=4095, default=-1)
-        high = integer(last or first, low=0, high=4095, default=-1)
-        total += high - low + 1 if 0 <= low <= high else 0
-    return total
 
 
 def _arch(identity: OsIdentity) -> str:

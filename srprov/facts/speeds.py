@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from msgspec.structs import replace
 
 from srprov.facts.answers import Counters, Files, parse_traffic
-from srprov.facts.links import Underlay
 from srprov.facts.model import Link
 from srprov.session import Measures
 from srprov.untrusted import integer
@@ -43,9 +42,9 @@ def _traffic(files: Files, later: Reply | None) -> Mapping[str, Counters]:
     return parse_traffic("\n".join([*first, later.out])) if later is not None else {}
 
 
-def traffic_mbit(files: Files, later: Reply | None, underlay: Underlay, shared_air: bool) -> float:
-    """Return Mbit/s on the underlay: the busier direction of a cable, or both of a radio, which share the air."""
-    seen = _traffic(files, later).get(underlay.link)
+def traffic_mbit(files: Files, later: Reply | None, link: str, shared_air: bool) -> float:
+    """Return Mbit/s on a link: the busier direction of a cable, or both of a radio, which share the air."""
+    seen = _traffic(files, later).get(link)
     if seen is None:
         return 0.0
     both = (seen.received_bps, seen.sent_bps)

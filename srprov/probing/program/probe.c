@@ -44,7 +44,7 @@
 #define PINGS 5       /* between the robots' own addresses; to and from others one */
 #define CALLS 4       /* tries of a TCP connection: the kernel itself sends a lost SYN again only after a second */
 #define SPREAD_US 700 /* between the first packets to two peers, so that no queue on the way overflows */
-#define HELLO_US 40000 /* after the first packet, then twice as long up to eight times */
+#define HELLO_US 20000 /* after the first packet, then twice as long up to eight times */
 #define GROUP "239.255.83.80"
 #define GROUP_PORT 47583
 
@@ -482,7 +482,7 @@ static int due(struct self *me, int i) {
     if (now >= p->next_ping && p->sent < 100 && !(p->got && p->sent >= wanted)) {
         p->sent++;
         p->pinged = now;
-        p->next_ping = now + (p->sent < wanted ? 10000 : 100000);
+        p->next_ping = now + (p->sent < wanted ? 5000 : 100000);
         echo(me, i, PING, 0, 0);
     }
     if (p->got && !p->sized && now >= p->next_size) size_due(me, i);

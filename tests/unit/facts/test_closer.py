@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 from collections.abc import Sequence
 
 import pytest
@@ -12,6 +13,7 @@ from srprov.definitions.containermodel import Requirements
 from srprov.definitions.model import Placement
 from srprov.errors import NoAssignment
 from srprov.facts.first_look import ask
+from srprov.facts.gather import Detail, Gathering
 from srprov.facts.probes import INFO
 from srprov.wire import EngineQuery, Query, Reply
 from tests.fakes import World
@@ -42,6 +44,16 @@ def world() -> World:
 
 def test_what_is_new_and_pinned_needs_the_engines_and_no_traffic(world: World) -> None:
     assert asked(world, PINNED) == (2, 0)
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_what_a_change_needs_is_got_ready_while_robots_are_asked_again_and_else_not_at_all(
+    world: World, again: bool
+) -> None:
+    ready = threading.Event()
+    with Gathering(inventory(world), world.reader, meanwhile=ready.set) as look:
+        look.closer(Detail.ENGINE if again else Detail.BASIC)
+    assert ready.wait(5) if again else not ready.is_set()
 
 
 def test_a_choice_needs_the_traffic(world: World) -> None:

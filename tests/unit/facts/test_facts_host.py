@@ -15,6 +15,7 @@ from robot_outputs import (
     LATER,
     LO,
     PI,
+    PING,
     ROUTES,
     VXLAN,
     WLAN0,
@@ -23,7 +24,7 @@ from robot_outputs import (
 
 from srprov.definitions.model import Host
 from srprov.facts.answers import parse_files
-from srprov.facts.host import docker_arch, host_queries, parse_host
+from srprov.facts.host import docker_arch, host_queries, parse_host, with_closer
 from srprov.facts.probes import FILES
 from srprov.facts.spelled import HOSTS, MOST_LINES, read_spelled
 from srprov.session import Measures
@@ -38,6 +39,20 @@ def test_the_questions_are_one_batch_with_the_engine_in_it() -> None:
     assert [q.path for q in plain if isinstance(q, EngineQuery)] == ["/_ping", "/info"]
     assert sum(isinstance(q, Query) for q in plain) <= 12
     assert "date" in plain[0].command
+
+
+@pytest.mark.parametrize("robot", [COMPUTER, PI, BUSYBOX])
+@pytest.mark.parametrize("later", [LATER, None])
+@pytest.mark.parametrize("ping", [PING, None])
+def test_a_closer_look_gives_what_one_look_at_everything_would(
+    robot: dict[str, str], later: Reply | None, ping: object
+) -> None:
+    every = replies(robot, ping)
+    wanted = parse_host(HOST, every, None, now=1795223385.25, later=later)
+    first = parse_host(HOST, every[:-1], None, now=1795223385.25)
+    assert with_closer(first, every, later) == wanted
+    assert first != wanted or ping is None
+    assert with_closer(first, every[:-1], None) == first
 
 
 def test_a_computer() -> None:
