@@ -76,8 +76,11 @@ def test_a_scheduler_that_stops_answering_is_waited_for_with_a_deadline(made: Cl
     assert [type(one) for one in failed] == [SiteError] and "cannot be reached" in str(failed[0])
 
 
-def test_a_scheduler_that_says_nothing_behind_its_certificate_is_waited_for_with_a_deadline(made: Cluster) -> None:
+def test_a_scheduler_that_says_nothing_behind_its_certificate_is_waited_for_with_a_deadline(
+    made: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Dask itself waits without end for what comes after the connection, and so did all robots."""
+    monkeypatch.setattr("srprov.transport.sites.cluster._LATE_S", 0.5)
     key = "DASK_DISTRIBUTED__COMM__TLS__SCHEDULER__"
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.load_cert_chain(made.env[f"{key}CERT"], made.env[f"{key}KEY"])

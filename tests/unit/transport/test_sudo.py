@@ -119,7 +119,7 @@ def test_a_secret_put_shows_a_placeholder_when_the_connection_dies() -> None:
     script = session._script(put)
     assert "aHVudGVyMi1sb3N0" in script
     with pytest.raises(Exception, match="<secret t>") as caught:
-        session._shell.run(put, "kill -9 $$; sleep 5", lambda _line: None)
+        session._shell.run(put, "kill -9 $$; sleep 1", lambda _line: None)
     session.close()
     assert "kill" not in str(caught.value)
     forget()
