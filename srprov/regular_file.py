@@ -12,7 +12,7 @@ import errno
 import itertools
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import BinaryIO
 
 MIB = 1024 * 1024
@@ -61,6 +61,37 @@ def names_beside(path: str | os.PathLike[str]) -> list[str]:
             return [one.name for one in itertools.islice(entries, _MOST_BESIDE) if one.name.endswith(ending)]
     except (OSError, ValueError):
         return []
+
+
+def walk(
+    top: str | os.PathLike[str], onerror: Callable[[OSError], None] | None = None
+) -> Iterator[tuple[str, list[str], list[str]]]:
+    """Yield a folder and all below it as `os.walk` does, however deep they are: that one calls itself for each.
+
+    No link is followed, and names that are taken out of the folders are passed over, as is what cannot be read.
+    """
+    left = [os.fspath(top)]
+    while left:
+        parent = left.pop()
+        folders, files = list[str](), list[str]()
+        try:
+            with os.scandir(parent) as entries:
+                for one in entries:
+                    (folders if _is_folder(one) else files).append(one.name)
+        except OSError as error:
+            if onerror is not None:
+                onerror(error)
+            continue
+        yield parent, folders, files
+        inner = (os.path.join(parent, name) for name in reversed(folders))
+        left += [path for path in inner if not os.path.islink(path)]
+
+
+def _is_folder(entry: os.DirEntry[str]) -> bool:
+    try:
+        return entry.is_dir()
+    except OSError:
+        return False
 
 
 def read_text(path: str | os.PathLike[str], most: int = 8 * MIB, errors: str = "strict") -> str:

@@ -7,6 +7,7 @@ from.
 
 from __future__ import annotations
 
+import errno
 import os
 import secrets
 import shutil
@@ -29,6 +30,8 @@ EDF = "experiment.edf"
 REPORT = "import-report.md"
 _MOST_BYTES = 96 * regular_file.MIB
 _MOST_FILES = 20_000
+_DEEPEST = 50
+"""Folders in each other that are copied."""
 _LEFT_OUT = frozenset({".git"})
 
 
@@ -123,6 +126,8 @@ class _Copying:
             OSError: It cannot be read, or is too much.
         """
         if os.path.isdir(source):
+            if place.count("/") > _DEEPEST:
+                raise OSError(errno.ELOOP, f"more than {_DEEPEST} folders lie in each other", source)
             self.tree.make(place)
             for entry in sorted(os.listdir(source)):
                 inner = os.path.join(source, entry)

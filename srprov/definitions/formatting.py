@@ -11,6 +11,7 @@ from pathlib import Path
 
 import msgspec
 
+from srprov import regular_file
 from srprov.codes import Code
 from srprov.definitions.schema import MOST_BYTES, MOST_VALUES
 from srprov.errors import DefinitionError, Diagnostic, Location
@@ -110,7 +111,7 @@ def definition_files(paths: Sequence[str]) -> Iterator[str]:
         if not os.path.isdir(path):
             yield path
             continue
-        for folder, folders, names in os.walk(path):
+        for folder, folders, names in regular_file.walk(path):
             folders[:] = sorted(one for one in folders if not one.startswith("."))
             files = [os.path.join(folder, one) for one in sorted(names) if one.endswith(SUFFIXES)]
             yield from (str(Path(one)) for one in files if not os.path.islink(one))

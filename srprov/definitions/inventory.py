@@ -11,6 +11,7 @@ import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from types import MappingProxyType
 
+from srprov import regular_file
 from srprov.codes import Code
 from srprov.definitions import hostvars, inifile, right_kind, script
 from srprov.definitions.groups import Group, HostEntry, HostTree, Variables, variables_of
@@ -214,7 +215,7 @@ def _variables(folder: str, name: str, tree: HostTree, unnamed: str) -> Variable
         path = os.path.join(folder, name + suffix)
         _check_place(path, unnamed)  # before it is walked through: a link may lead to the root of all
         parts = [path] if os.path.isfile(path) else []
-        for parent, folders, files in os.walk(path) if os.path.isdir(path) else ():
+        for parent, folders, files in regular_file.walk(path) if os.path.isdir(path) else ():
             folders[:] = sorted(inner for inner in folders if not inner.startswith("."))
             named = [inner for inner in files if os.path.splitext(inner)[1] in ("", ".yml", ".yaml", ".json")]
             parts += [os.path.join(parent, inner) for inner in sorted(named) if not inner.startswith(".")]

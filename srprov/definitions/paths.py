@@ -15,6 +15,7 @@ from collections.abc import Callable, Collection, Iterator
 
 from msgspec.structs import replace
 
+from srprov import regular_file
 from srprov.codes import Code
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc.allowance import Allowance, current
@@ -22,6 +23,8 @@ from srprov.yamldoc.nodes import Findings, Path, Scalar
 
 _MOST_FILES = 20_000
 _MOST_BYTES = 96 * 1024 * 1024
+_DEEPEST = 50
+"""Folders in each other that are shipped: each file's path is looked at many times, and each time all of it."""
 """Of one file or folder that is shipped: it is held in memory, and goes to each robot over SSH. See disk.py."""
 _SHIPPED_HINT = f"a file or folder that is shipped holds at most {_MOST_FILES} files and {_MOST_BYTES >> 20} MiB"
 
@@ -149,6 +152,8 @@ def _fault_of_each(path: str, root: str, left: Allowance) -> str:
     size, inner = 0, os.path.realpath(root)
     for count, full in enumerate(_files_below(path)):
         left.files -= 1
+        if full.count(os.sep) - path.count(os.sep) > _DEEPEST:
+            return f"holds more than {_DEEPEST} folders in each other"
         try:
             about = os.lstat(full)
         except OSError as error:
@@ -171,6 +176,6 @@ def _fault_of_each(path: str, root: str, left: Allowance) -> str:
 def _files_below(path: str) -> Iterator[str]:
     """Return a path, what it leads to when it is a link, and all below it."""
     yield os.path.realpath(path)
-    for parent, folders, files in os.walk(path):
+    for parent, folders, files in regular_file.walk(path):
         folders.sort()
         yield from (os.path.join(parent, name) for name in sorted([*folders, *files]))

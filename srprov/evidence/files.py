@@ -189,7 +189,7 @@ def of_run(path: Path) -> Folder:
 
 def _files_below(top: Path) -> Iterator[Path]:
     _check_no_link(top)
-    for folder, names, files in os.walk(top, onerror=_raise):
+    for folder, names, files in regular_file.walk(top, onerror=_raise):
         for one in (*names, *files):
             _check_no_link(Path(folder, one))
         yield from (Path(folder, one) for one in files)

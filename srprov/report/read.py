@@ -74,7 +74,7 @@ class Folder(msgspec.Struct, frozen=True):
         """Return the names of files, as Source has it."""
         if (self.path / folder).is_symlink():  # whose target would be walked through, and told by its names
             raise Unreadable("it is a link")
-        for place, folders, files in os.walk(self.path / folder):
+        for place, folders, files in regular_file.walk(self.path / folder):
             folders.sort()
             for one in sorted(files):
                 yield os.path.relpath(os.path.join(place, one), self.path)
