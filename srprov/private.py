@@ -197,7 +197,7 @@ def write_file(path: str | Path, text: str, flags: int = os.O_TRUNC) -> None:
         stream.write(text)
 
 
-def open_new(path: Path) -> BinaryIO:
+def open_new(path: str | os.PathLike[str]) -> BinaryIO:
     """Open a file that is not there yet, for writing.
 
     Raises:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import errno
 import os
 import stat
-from pathlib import Path
 
 from srprov import private
 
@@ -21,6 +20,7 @@ class Tree:
         """Begin to fill an empty folder."""
         self.top = top
         self._links: dict[str, str] = {}
+        self._made = {""}
 
     def make(self, place: str) -> str:
         """Make a folder and those above it, and return its path.
@@ -29,6 +29,8 @@ class Tree:
             OSError: A file has its place, or the place is not below the top.
         """
         path = self.top
+        if place in self._made:  # of many files in one deep folder, only the first one looks at all above it
+            return f"{path}/{place}".rstrip("/")
         for part in place.split("/") if place else ():
             if part in ("", ".", ".."):
                 raise OSError(errno.EINVAL, f"'{place[:80]}' is no place below the folder")
@@ -38,6 +40,7 @@ class Tree:
             except FileExistsError:
                 if not stat.S_ISDIR(os.lstat(path).st_mode):
                     raise
+        self._made.add(place)
         return path
 
     def write(self, place: str, content: bytes, mode: int = 0o644) -> None:
@@ -50,7 +53,7 @@ class Tree:
         path = f"{self.make(above)}/{name}"
         if os.path.lexists(path):
             os.unlink(path)
-        with private.open_new(Path(path)) as stream:
+        with private.open_new(path) as stream:
             stream.write(content)
             os.fchmod(stream.fileno(), mode)
 

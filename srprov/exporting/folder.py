@@ -29,17 +29,18 @@ def write(folder: str, files: Iterable[File]) -> None:
         if os.listdir(folder):
             raise UsageError(f"{folder} is not empty", hint="name a new folder with -o", code=Code.IN_THE_WAY)
         every = sorted(files, key=lambda one: (one.link is not None, not one.is_folder, one.path))
+        made = {""}
         for one in every:
-            _write(folder, one)
+            _write(folder, one, made)
     except OSError as error:
         raise UsageError(
             f"{error.filename or folder} cannot be written: {error.strerror}", code=Code.CANNOT_WRITE
         ) from error
 
 
-def _write(folder: str, one: File) -> None:
+def _write(folder: str, one: File, made: set[str]) -> None:
     path = f"{folder}/{_checked(one.path)}"
-    _make(folder, one.path if one.is_folder else posixpath.dirname(one.path))
+    _make(folder, one.path if one.is_folder else posixpath.dirname(one.path), made)
     if one.link is not None:
         os.symlink(one.link, path)
     elif not one.is_folder:
@@ -49,14 +50,17 @@ def _write(folder: str, one: File) -> None:
         os.chmod(path, one.mode)
 
 
-def _make(folder: str, below: str) -> None:
-    """Make a folder and those above it; they can be read by all, as what is mounted or built must be."""
-    path = folder
-    for part in below.split("/") if below else ():
-        path = f"{path}/{part}"
-        if not os.path.isdir(path):
-            os.mkdir(path)
-            os.chmod(path, _FOLDER)
+def _make(folder: str, below: str, made: set[str]) -> None:
+    """Make a folder and those above it but for `made`; they can be read by all, as what is mounted or built must be."""
+    missing = list[str]()
+    while below not in made:
+        missing.append(below)
+        below = posixpath.dirname(below)
+    for one in reversed(missing):
+        path = f"{folder}/{one}"
+        os.mkdir(path)
+        os.chmod(path, _FOLDER)
+        made.add(one)
 
 
 def _checked(path: str) -> str:

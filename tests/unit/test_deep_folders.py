@@ -1,4 +1,4 @@
-"""A thousand folders in each other, which functions of Python call themselves for, end nothing."""
+"""A thousand folders in each other, which functions of Python call themselves for, end nothing; nor do many files."""
 
 from __future__ import annotations
 
@@ -11,7 +11,11 @@ import pytest
 
 from srprov import regular_file
 from srprov.cli.main import run
+from srprov.conversion.tree import Tree
 from srprov.evidence import files
+from srprov.exporting.folder import write
+from srprov.exporting.model import File
+from tests.bounded import bounded
 
 EDF = "edf: 1\nname: a\nservices: {s: {image: busybox, volumes: ['./deep:/x']}}\n"
 COMPOSE = "services: {s: {image: busybox, volumes: ['./deep:/x']}}\n"
@@ -74,3 +78,18 @@ def test_deep_folders_are_neither_shipped_nor_imported(here: Path, capsys: pytes
     assert run(["import", "compose", "compose.yaml", "-o", "out"]) == 5
     assert "more than 50 folders lie in each other" in capsys.readouterr().err
     assert not (here / "out").exists()
+
+
+def test_many_files_of_one_deep_folder_are_written_in_time(here: Path) -> None:
+    """Each looked at all folders above it: minutes for what is a few kilobytes as an archive."""
+    place = "d/" * 100
+    (here / "made").mkdir()
+
+    def fill() -> None:
+        tree = Tree(str(here / "made"))
+        for at in range(8000):
+            tree.write(f"{place}{at}", b"")
+
+    bounded(fill)
+    bounded(lambda: write("out", [File(path=f"{place}{at}", content=b"") for at in range(8000)]))
+    assert len(os.listdir(f"made/{place}")) == len(os.listdir(f"out/{place}")) == 8000
