@@ -7,6 +7,7 @@ writes is named in `missing`, and the page is made of the rest.
 from __future__ import annotations
 
 import hashlib
+import io
 import itertools
 import os
 import re
@@ -31,6 +32,9 @@ _MOST_VALUES = 16_000_000
 """Brackets and commas of a file: each value stands behind one. Colons do not count: a plan of many robots is full of
 MAC addresses."""
 _KEPT_EVENTS = frozenset({"start", "end", "waiting"})
+_MOST_EVENTS = 250_000
+"""Lines: a run of a thousand robots and 20,000 steps has a fifth of them."""
+_MOST_BROKEN = 1000
 _MOST_INPUTS = 200
 _HINT = "name a run that `srprov runs` lists, a plan of `srprov plan -o`, or a bundle"
 
@@ -115,9 +119,12 @@ class Reading:
             self.missing.append("there is no events.jsonl: nothing is known of when steps were done")
             return None
         found, broken = [], 0
-        for line in data.split(b"\n"):
+        for count, line in enumerate(io.BytesIO(data)):  # not a list of all lines, of which there may be millions
+            if count >= _MOST_EVENTS or broken >= _MOST_BROKEN:
+                self.missing.append(f"events.jsonl is read up to its line {count}: it has too many, or is none")
+                break
             try:
-                event = decoded(line, EventView) if line else None
+                event = decoded(line, EventView) if line.strip() else None
             except Unreadable:
                 broken += 1  # the last line of a killed run may be torn
                 continue

@@ -63,6 +63,16 @@ def test_inputs_are_few_and_have_a_size_in_all(tmp_path: Path, monkeypatch: pyte
     assert len(of_run(folder).missing) < 220
 
 
+@pytest.mark.parametrize("line", ["\n", "x\n", '{"time":1,"event":"end"}\n'])
+def test_events_without_end_are_read_in_time(tmp_path: Path, line: str) -> None:
+    """Lines that are none took minutes, empty ones half a gigabyte."""
+    begin = json.dumps({"time": 1, "event": "start", "robot": "robot1", "step": 1}) + "\n"
+    folder = write(tmp_path / "run", {"environment.json": {}, "events.jsonl": begin + line * ((60 << 20) // len(line))})
+    found = bounded(lambda: of_run(folder))
+    assert found.events is not None and found.events[0].robot == "robot1"
+    assert any("events.jsonl is read up to its line" in one for one in found.missing)
+
+
 def test_whole_numbers_beyond_all_others_are_no_numbers(tmp_path: Path) -> None:
     whole = a_run(2)
     whole["result.json"]["robots"]["robot1"]["bytes_sent"] = BEYOND
