@@ -36,7 +36,7 @@ class Shipped(msgspec.Struct, frozen=True, kw_only=True):
     mode: int
 
 
-_TMPFS_SIZE = re.compile(r"(?:.*,)?size=([0-9]+)([kmgKMG]?)(?:,.*)?")
+_TMPFS_SIZE = re.compile(r"(?:.*,)?size=([0-9]{1,18})([kmgKMG]?)(?:,.*)?")
 
 
 class CannotShip(Exception):

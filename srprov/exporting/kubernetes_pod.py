@@ -23,6 +23,7 @@ ENVIRONMENT = "environment"
 _PULL = {"missing": "IfNotPresent", "always": "Always", "never": "Never", "build": "IfNotPresent"}
 _NO_NEW = ("no-new-privileges", "no-new-privileges:true", "no-new-privileges=true")
 _GPU = "nvidia.com/gpu"
+_ID = re.compile(r"[0-9]{1,18}")
 _MEANS = re.compile(r"\$(?=[$(])")
 _NO_FIELD = "a pod has no such field, but for"
 LABEL = re.compile(r"[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?")
@@ -81,9 +82,9 @@ def pod_settings(service: Service) -> dict[str, Any]:
         "hostAliases": [{"ip": address, "hostnames": names} for address, names in hosts.items()],
         "securityContext": filled({
             "sysctls": [{"name": name, "value": value} for name, value in sorted(sysctls.items())],
-            "supplementalGroups": [int(one) for one in run.group_add if one.isdecimal()],
-            **({"runAsUser": int(user)} if user.isdecimal() else {}),
-            **({"runAsGroup": int(group)} if group.isdecimal() else {}),
+            "supplementalGroups": [int(one) for one in run.group_add if _is_number(one)],
+            **({"runAsUser": int(user)} if _is_number(user) else {}),
+            **({"runAsGroup": int(group)} if _is_number(group) else {}),
         }),
     })  # fmt: skip
 
@@ -95,7 +96,7 @@ def pod_remarks(service: Service) -> Iterator[Remark]:
     check = run.healthcheck
     wrong = {
         "user": (not _numeric(run.user), "names of users are known in the image alone: give numbers"),
-        "group_add": (not all(map(str.isdecimal, run.group_add)), "names of groups are known in the image alone"),
+        "group_add": (not all(map(_is_number, run.group_add)), "names of groups are known in the image alone"),
         "security_opt": (bool({*run.security_opt} - {*_NO_NEW}), f"{_NO_FIELD} `no-new-privileges`"),
         "ipc": (run.ipc not in ("", "host", "private"), f"{_NO_FIELD} `host`"),
         "pid": (run.pid not in ("", "host"), f"{_NO_FIELD} `host`"),
@@ -182,4 +183,9 @@ def _probes(check: HealthCheck | None) -> dict[str, Any]:
 
 def _numeric(user: str) -> bool:
     """Return whether a user is empty, a number, or two with a colon between."""
-    return not user or all(one.isdecimal() for one in user.split(":"))
+    return not user or all(map(_is_number, user.split(":")))
+
+
+def _is_number(text: str) -> bool:
+    """Return whether it is a number that Linux can have; of thousands of digits Python makes none."""
+    return _ID.fullmatch(text) is not None and int(text) < 2**32

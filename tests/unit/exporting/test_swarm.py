@@ -244,3 +244,10 @@ def test_an_address_that_is_needed_and_not_known_is_said(tmp_path: Path) -> None
     source = replace(compose.read(str(edf), frozenset(), (), placed=True), tool="swarm")
     with pytest.raises(UsageError, match="the address of r2 is not known"):
         compose.on_robots(source, source.definitions.experiment, {"a": "r1", "b": "r2"}, {})
+
+
+@pytest.mark.parametrize("tool", ["swarm", "kubernetes"])
+def test_a_size_of_thousands_of_digits_is_none(tmp_path: Path, tool: str) -> None:
+    """Python makes no number of them."""
+    edf = experiment(tmp_path, f"services: {{a: {{image: x, tmpfs: ['/t:size={'9' * 5000}']}}}}\n")
+    assert not any(b"99999" in one for one in contents(on_cluster(tool, edf)).values())
