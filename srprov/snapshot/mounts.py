@@ -32,7 +32,7 @@ def mount_fields(box: Mapping[str, Any], own: Mapping[str, Any], service: str, n
     for one in sorted(mappings(box.get("Mounts"), most=MOST_ENTRIES), key=lambda one: string(one.get("Destination"))):
         kind, target = string(one.get("Type")), string(one.get("Destination"))
         if kind == "bind":
-            volumes.append(_bind(one, target, subject, notes))
+            volumes += _bind(one, target, subject, notes)
         elif kind == "volume":
             name = string(one.get("Name"))
             if _ANONYMOUS.fullmatch(name) and target in of_image:
@@ -47,14 +47,17 @@ def mount_fields(box: Mapping[str, Any], own: Mapping[str, Any], service: str, n
     return found
 
 
-def _bind(one: Mapping[str, Any], target: str, subject: str, notes: Notes) -> dict[str, Any]:
+def _bind(one: Mapping[str, Any], target: str, subject: str, notes: Notes) -> list[dict[str, Any]]:
     source = string(one.get("Source"))
+    if not source.startswith("/"):  # in an EDF a file of the experiment: the snapshot, with what it has of other robots
+        notes.lost(subject, f"{text(source, length=150)}, which it mounts, is no path of a robot")
+        return []
     if string(one.get("Propagation")) not in ("", "rprivate", "private"):
         notes.lost(subject, f"how mounts below {text(target, length=100)} propagate: an EDF has no such field")
     if source.startswith(_OF_PEOPLE):
         notes.adapted(subject, f"{text(source, length=150)} is a path of the robot: what it holds is not captured")
     entry = {"type": "bind", "source": source, "target": target}
-    return entry if one.get("RW") is not False else {**entry, "read_only": True}
+    return [entry if one.get("RW") is not False else {**entry, "read_only": True}]
 
 
 def _volume(one: Mapping[str, Any], name: str, target: str, service: str, notes: Notes) -> dict[str, Any]:

@@ -124,6 +124,17 @@ def test_a_secret_of_one_robot_is_written_nowhere_for_another(tmp_path: Path) ->
     assert edf["secrets"] == {"db-password": {"env": "DB__PASSWORD"}}
 
 
+def test_no_robot_gets_files_of_the_snapshot_mounted(tmp_path: Path) -> None:
+    """Engines say whole paths; in an EDF another one is of the experiment's folder, which has other robots' changes."""
+    for source in (".", "./r2", "r2", "..", "~/x", "~pi/x", ""):
+        mounts = [{"Type": "bind", "Source": one, "Destination": f"/{at}"} for at, one in enumerate((source, "/srv"))]
+        _, edf, written = taken(
+            tmp_path / f"out{source.replace('/', '-')}", r1=Robot(boxes=[{**box(1, "a"), "Mounts": mounts}])
+        )
+        assert [one["source"] for one in edf["services"]["a"]["volumes"]] == ["/srv"]
+        assert "is no path of a robot" in written
+
+
 def test_a_password_may_be_a_word_of_an_experiment(tmp_path: Path) -> None:
     """It is hidden in what was captured, and the experiment stays one."""
     env = [
