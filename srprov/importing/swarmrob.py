@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -28,6 +28,10 @@ from srprov.yamldoc.nodes import Findings, Map, Scalar
 
 _TOP = ("version", "services")
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*", re.ASCII)
+_LONGEST_NAME = 255
+_WORD = re.compile(r"[\w.-]+")
+_PROJECT = re.compile(r"[A-Za-z0-9-]+")
+_END = re.compile(r"_1(?![\w-])")
 
 
 class Found(msgspec.Struct, frozen=True):
@@ -94,10 +98,7 @@ def _read(file: str, recipes: Sequence[str], settings: Mapping[str, str], name: 
     if reading.findings.problems:
         raise Refused(reading.findings.problems)
     folder = os.path.dirname(os.path.realpath(file))
-    values = [(each, value) for each, one in read.items() for value in (one.get("environment") or {}).values()
-              if value and "_1" in value]  # fmt: skip
-    for each, one in read.items():
-        _name_in_use(each, one, values)
+    _name_those_in_use(read)
     document = {"name": name or os.path.basename(folder), "services": read}
     normal = Normal(document, reading.positions, tuple(reading.variables), tuple(reading.notes))
     folders = dict.fromkeys((folder, *(os.path.dirname(os.path.realpath(one)) for one in recipes)))
@@ -144,12 +145,32 @@ def _built(recipes: Sequence[str], services: dict[str, dict[str, Any]], reading:
             del one["image"]
 
 
-def _name_in_use(name: str, one: dict[str, Any], values: Sequence[tuple[str, str]]) -> None:
-    """Give a service the name that values use for it: `NAME_1`, or with the project's before it, as containers had."""
-    form = re.compile(rf"(?<![\w.-])(?:[A-Za-z0-9-]+_)?{re.escape(name)}_1(?![\w-])")
-    wanted = f"{name}_1"
-    using = [(key == name, value) for key, value in values if wanted in value]
-    for _, value in sorted(using, key=lambda each: each[0]):  # those of others first
-        if match := form.search(value):
-            one["hostname"] = match[0]
-            return
+def _name_those_in_use(services: Mapping[str, dict[str, Any]]) -> None:
+    """Give services the names that values use for them: `NAME_1`, or with the project's before it, as containers had.
+
+    Each value is looked through once, for all names.
+    """
+    of_others: dict[str, str] = {}
+    of_its_own: dict[str, str] = {}
+    longest = min(_LONGEST_NAME, max(map(len, services), default=0))
+    for each, one in services.items():
+        for value in (one.get("environment") or {}).values():
+            for name, used in _names_in(value or "", longest):
+                if name in services:
+                    (of_its_own if name == each else of_others).setdefault(name, used)
+    for each, one in services.items():
+        if used := of_others.get(each) or of_its_own.get(each, ""):
+            one["hostname"] = used
+
+
+def _names_in(value: str, longest: int) -> Iterator[tuple[str, str]]:
+    """Yield what may be a service's name, at most so long, in a value, and all of the word that it is in."""
+    for word in _WORD.finditer(value) if "_1" in value else ():
+        project, line, _ = word[0].partition("_")
+        has_project = line and len(project) <= _LONGEST_NAME and _PROJECT.fullmatch(project)
+        begin = len(project) + 1 if has_project else 0
+        for end in _END.finditer(word[0], 0, begin + longest + len("_1.")):
+            name, used = word[0][: end.start()], word[0][: end.start() + len("_1")]
+            if begin and begin < len(name):
+                yield name[begin:], used
+            yield name, used

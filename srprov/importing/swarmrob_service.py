@@ -18,6 +18,8 @@ COMPOSE = "srprov import compose reads Compose files"
 _READ = ("image", "environment", "depends_on", "devices", "volumes")
 _PLACEMENT: Path = ("deploy", "placement", "constraints")
 _VARIABLE = re.compile(r"\$(?:(?P<plain>\w+)|\{(?P<braced>[^}]*)\})", re.ASCII)
+_PLAIN = re.compile(r"\$(?P<plain>\w+)(?P<braced>)", re.ASCII)
+"""Of a text without `}`: the end of each `${` would be looked for up to the end of the text."""
 
 
 @dataclass
@@ -136,7 +138,8 @@ def _put_in(value: str, node: Scalar, reading: Reading, path: Path) -> str | Non
             lost.append(name)
         return reading.settings.get(name, "")
 
-    result = _VARIABLE.sub(replaced, value)
+    end = value.rfind("}") + 1
+    result = _VARIABLE.sub(replaced, value[:end]) + _PLAIN.sub(replaced, value[end:])
     if lost and _VARIABLE.fullmatch(value):
         return None
     for name in lost:

@@ -91,3 +91,24 @@ def test_thousands_of_services_and_values_are_read_in_time(tmp_path: Path) -> No
     services = "".join(f"  s{number}: {{image: x, environment: [{values}]}}\n" for number in range(2000))
     (tmp_path / "swarm.yml").write_text(f"version: '3'\nservices:\n{services}")
     assert len(bounded(lambda: swarmrob.read([str(tmp_path / "swarm.yml")]).normal.document)) == 2
+
+
+def test_variables_that_do_not_end_are_looked_through_in_time(tmp_path: Path) -> None:
+    """Each was looked for up to the end of the text: a minute for 200 KB."""
+    file = tmp_path / "a.yml"
+    file.write_text(f"version: '3'\nservices: {{a: {{image: x, environment: ['A=${{B}}$C{'${' * 100_000}']}}}}\n")
+    found = bounded(lambda: swarmrob.read([str(file)], {"B": "b", "C": "c"}))
+    assert found.normal.document["services"]["a"]["environment"]["A"] == f"bc{'${' * 100_000}"
+
+
+def test_names_of_many_services_are_looked_for_once_in_each_value(tmp_path: Path) -> None:
+    names = [f"s{number:03}" for number in range(900)]
+    near = " ".join(f"{name}_1x" for name in names)
+    using = f"    environment: ['A={near} lab_s001_1:80 s002_1', 'B={near}']\n"
+    lines = [f"  {name}:\n    image: x\n" + (using if number < 60 else "") for number, name in enumerate(names)]
+    (tmp_path / "a.yml").write_text("version: '3'\nservices:\n" + "".join(lines))
+    read = bounded(lambda: swarmrob.read([str(tmp_path / "a.yml")]).normal.document["services"])
+    assert {name: one["hostname"] for name, one in read.items() if "hostname" in one} == {
+        "s001": "lab_s001_1",
+        "s002": "s002_1",
+    }
