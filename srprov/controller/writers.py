@@ -57,14 +57,15 @@ while [ -n "$left" ]; do
       esac
     fi ;;
   esac
-  [ $links -lt 40 ] || odd=? left=
+  [ $links -lt 40 ] && [ $# -lt 200 ] && [ ${#at} -lt 1000 ] || odd=? left=
 done
 printf '%s %s\n' $number "${odd:-${at:-/}}"
 [ -n "$odd" ] || stat -c '%d:%i %n' "$@" "${at:-/}" 2>/dev/null
 done"""
 """Go through each path as the kernel does. Print its number and where it leads; then device and inode of each folder in
 which a part of it was looked for, also by way of links, and in the end its own, of what is there. What has a name of
-several lines leads nowhere that could be told."""
+several lines, is longer than people write, or goes through hundreds of folders leads nowhere that could be told: a
+command takes only so many words, and the kernel no such name at once."""
 
 
 class _Place(msgspec.Struct, frozen=True):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
@@ -125,6 +126,23 @@ def test_a_path_whose_links_have_no_end_is_refused(tmp_path: Path) -> None:
     (tmp_path / "loop").symlink_to("loop")
     with pytest.raises(UsageError, match="loop/x, which 's1' mounts"):
         checked(SHELLS[0], (tmp_path / "data", False), (tmp_path / "loop/x", True))
+
+
+@pytest.mark.parametrize("shell", SHELLS, ids=lambda shell: shell[0])
+@pytest.mark.parametrize("to", ["a/../" * 600 + "out", "a/" * 500 + "out"])
+def test_a_path_that_goes_through_hundreds_of_folders_is_refused(
+    tmp_path: Path, shell: tuple[str, ...], to: str
+) -> None:
+    """No command took as many words, so no folder was known; or the kernel no name of that length, so no link was."""
+    deep = tmp_path / "run/lock" / "/".join(["d" * 200] * 17)
+    for one in (deep / "a", tmp_path / "elsewhere"):
+        one.mkdir(parents=True)
+    (tmp_path / "lock").symlink_to("run/lock")
+    (deep / "out").symlink_to(os.path.relpath(tmp_path / "elsewhere", deep))
+    (deep / "on").symlink_to(to)
+    (tmp_path / "run/lock/x").symlink_to(f"{deep.relative_to(tmp_path / 'run/lock')}/on")
+    with pytest.raises(UsageError, match="lock/x, which 's1' mounts, lies in a folder that a container"):
+        checked(shell, (tmp_path / "run/lock", False), (tmp_path / "lock/x", True))
 
 
 @pytest.mark.parametrize(
