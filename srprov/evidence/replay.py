@@ -6,6 +6,7 @@ experiment asks for is allowed by who runs it, as that of any other file of a st
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -26,6 +27,7 @@ from srprov.evidence.story import Story
 from srprov.evidence.verified import Bundle, reopened
 from srprov.facts.model import Snapshot
 from srprov.untrusted import mapping, string
+from srprov.whose import others_may_write
 
 _INVENTORY = "inventory.yml"
 
@@ -104,7 +106,8 @@ def unpack(bundle: Bundle, folder: Path) -> None:
 
     Raises:
         UsageError: It holds no run, or something else is in the folder, or that cannot be written.
-        RefusedError: It is signed, and others could put other definitions there before they are read.
+        RefusedError: Others could put a link into it while it is filled; or it is signed, and they could put other
+            definitions there before they are read.
     """
     with _opened(bundle) as (files, told):
         home = f"{told.home}/inputs/"
@@ -115,18 +118,47 @@ def unpack(bundle: Bundle, folder: Path) -> None:
         contents = {folder / name.removeprefix(home): content(files, name) for name in names}
         absent = {folder / one for one in data_sets(files, told.home)}
     try:
-        if folder.is_symlink() or (folder.exists() and _read(folder, absent) not in ({}, contents)):
-            raise UsageError(f"something else is in {folder}", hint="name a new folder with -o", code=Code.IN_THE_WAY)
-        for place, data in contents.items():
-            private.make_folder(place.parent)
-            private.write_output(str(place), data)
-        alone = not bundle.signed or all(map(believed.is_out_of_reach, {folder, *(one.parent for one in contents)}))
+        _fill(folder, contents, absent)
+        alone = not bundle.signed or all(map(_is_closed, {folder, *(one.parent for one in contents)}))
     except OSError as error:
         why = f"{error.filename or folder}: {error.strerror or error}"
         raise UsageError(why, hint="name another folder with -o", code=Code.CANNOT_WRITE) from error
     if not alone:
-        why = f"others can write to {folder}, or to a folder above it: what was signed could be replaced there"
-        raise RefusedError(why, hint="name a folder of your own with -o", code=Code.STRANGE_FILE)
+        raise _others(folder, "what was signed could be replaced, or added to, there")
+
+
+def _fill(folder: Path, contents: Mapping[Path, bytes], absent: Collection[Path]) -> None:
+    """Write files into a folder that has none; it is the same folder from its first file to its last."""
+    if folder.is_symlink():
+        raise _in_the_way(folder)
+    private.make_folder(folder)
+    real = Path(os.path.realpath(folder))
+    with regular_file.real_folder(real) as opened:
+        there = _read(real, {real / one.relative_to(folder) for one in absent})
+        if there == {real / one.relative_to(folder): data for one, data in contents.items()}:
+            return
+        if there:
+            raise _in_the_way(folder)
+        if others_may_write(real, os.fstat(opened)):
+            raise _others(folder, "a link of theirs could lead what is written elsewhere")
+        for place, data in contents.items():
+            new = Path(f"/proc/self/fd/{opened}", place.relative_to(folder))
+            private.make_folder(new.parent)
+            private.write_output(str(new), data)
+
+
+def _is_closed(folder: Path) -> bool:
+    """Return whether nobody else can put another folder in a folder's place, nor a file into it."""
+    return believed.is_out_of_reach(folder) and not others_may_write(folder, os.stat(folder))
+
+
+def _in_the_way(folder: Path) -> UsageError:
+    return UsageError(f"something else is in {folder}", hint="name a new folder with -o", code=Code.IN_THE_WAY)
+
+
+def _others(folder: Path, why: str) -> RefusedError:
+    told = f"others can write to {folder}, or to a folder above or below it: {why}"
+    return RefusedError(told, hint="name a folder of your own with -o", code=Code.STRANGE_FILE)
 
 
 @contextmanager

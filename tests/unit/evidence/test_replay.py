@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import stat
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
 
+from srprov import private
 from srprov.codes import Code
 from srprov.definitions import load_experiment
 from srprov.definitions.model import Host, Inventory
@@ -121,3 +123,42 @@ def test_what_was_signed_goes_where_nobody_else_can_put_other_definitions(
     with pytest.raises(RefusedError, match="others can write to"):
         unpack(signed, folder)
     unpack(as_it_is(bundled), folder)
+
+
+@pytest.mark.parametrize("below", ["experiment", "experiment/tracks"])
+def test_what_was_signed_goes_where_nobody_else_can_add_files(bundled: Path, tmp_path: Path, below: str) -> None:
+    """In a sticky folder others replace nothing, but what they add is shipped, or built into an image."""
+    folder, signed = tmp_path / "open" / "experiment", replace(as_it_is(bundled), signed=True)
+    unpack(signed, folder)
+    (tmp_path / "open" / below).chmod(0o1777)
+    with pytest.raises(RefusedError, match="others can write to"):
+        unpack(signed, folder)
+
+
+@pytest.mark.parametrize("signed", [False, True])
+def test_nothing_is_unpacked_by_way_of_somebody_else_s_link(
+    bundled: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, signed: bool
+) -> None:
+    """Whoever may write to the folder waits for its first file; or to that above it, and takes the folder itself."""
+    elsewhere, new, shared = tmp_path / "elsewhere", tmp_path / "new", tmp_path / "shared"
+    elsewhere.mkdir()
+    written = private.write_output
+
+    def meanwhile(path: str, content: bytes) -> None:
+        written(path, content)
+        if (new / "race.edf").exists() and not (new / "tracks").exists() and not (tmp_path / "taken").exists():
+            new.rename(tmp_path / "taken")
+            new.symlink_to(elsewhere)
+        if (shared / "race.edf").exists() and not (shared / "tracks").exists():
+            (shared / "tracks").symlink_to(elsewhere)
+
+    monkeypatch.setattr(private, "write_output", meanwhile)
+    one = replace(as_it_is(bundled), signed=signed)
+    with suppress(RefusedError, UsageError):
+        unpack(one, new)
+    shared.mkdir()
+    shared.chmod(0o777)
+    with pytest.raises(RefusedError, match="others can write to"):
+        unpack(one, shared)
+    assert list(elsewhere.iterdir()) == list(shared.iterdir()) == []
+    assert {one.name for one in (tmp_path / "taken").iterdir()} == {name.split("/")[0] for name in FILES}
