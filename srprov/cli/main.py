@@ -23,7 +23,7 @@ from srprov.cli.output import Answer, err, print_uncaught
 from srprov.cli.streams import lost, protect_standard_streams
 from srprov.cli.variables import name_variables
 from srprov.codes import Code
-from srprov.errors import DefinitionError, NoAssignment, SrprovError, TransportError
+from srprov.errors import DefinitionError, NoAssignment, SrprovError, TransportError, UsageError
 
 _VERBS = {
     "init": "Write the files of a new experiment.",
@@ -116,7 +116,7 @@ def run(arguments: list[str] | None = None) -> int:
     try:
         completes = (sys.argv[1:] if arguments is None else arguments)[:1] == ["completion"]
         # a line is completed where a configuration file has a mistake, too
-        defaults = {} if completes else default_map(_VERBS, Path.cwd(), os.environ)
+        defaults = {} if completes else default_map(_VERBS, _here(), os.environ)
         result = cli.main(args=arguments, prog_name="srprov", standalone_mode=False, default_map=defaults)
     except click.exceptions.Exit as stop:
         return int(stop.exit_code)
@@ -135,6 +135,14 @@ def run(arguments: list[str] | None = None) -> int:
         err(f"error[{Code.BUG}]: this is a bug in srprov; please report it with the lines above")
         return BUG
     return result if isinstance(result, int) else 0
+
+
+def _here() -> Path:
+    try:
+        return Path.cwd()
+    except OSError as error:
+        why = f"the folder in which you are cannot be named: {error.strerror}"
+        raise UsageError(why, hint="somebody removed it: cd to another one", code=Code.NO_FILE) from error
 
 
 def _show_misuse(error: click.ClickException, words: Sequence[str]) -> None:

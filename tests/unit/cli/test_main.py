@@ -45,6 +45,18 @@ EVERY = dict(commands(cli, "srprov"))
 ROOT = Path(__file__).parents[3]
 
 
+def test_a_folder_that_is_gone_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Another shell removed it, or a build made it anew."""
+    (tmp_path / "gone").mkdir()
+    monkeypatch.setattr("sys.stderr", sys.stderr)
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    assert run(["runs", "list"]) == 5
+    assert "the folder in which you are cannot be named" in capsys.readouterr().err
+
+
 def test_there_are_all_verbs() -> None:
     assert len(EVERY) > 20 and {"srprov apply", "srprov lab up"} <= EVERY.keys()
 
