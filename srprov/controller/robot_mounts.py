@@ -13,8 +13,8 @@ from srprov.wire import Query
 
 MOUNTS = Query(command="cat /proc/self/mountinfo")
 _MOST_LINES = 100_000
-_MOUNT = re.compile(r"[0-9]+ [0-9]+ ([0-9]+:[0-9]+) (/\S*) (/\S*) (.*)", re.ASCII)
-"""File system, the place in it that is mounted, where, and more; source: proc(5)."""
+_MOUNT = re.compile(r"([0-9]+) ([0-9]+) ([0-9]+:[0-9]+) (/\S*) (/\S*) (.*)", re.ASCII)
+"""Its number, that of the mount it is on, file system, the place in it, where, and more; source: proc(5)."""
 _LAYERS = re.compile(r"(?:lowerdir\+?|upperdir)=([^,\s]+)")
 """Folders that an overlay shows as one; source: the kernel's overlayfs.rst."""
 _OCTAL = re.compile(r"\\([0-7]{3})")
@@ -26,15 +26,21 @@ class Mounts:
     def __init__(self, said: str) -> None:
         """Take what the robot says; lines that are none of a mount are passed over."""
         found = [match.groups() for line in lines_of(said, _MOST_LINES) if (match := _MOUNT.fullmatch(line))]
-        self._all = [(point.rstrip("/") + "/", fs, root.rstrip("/")) for fs, root, point, _ in map(_plain, found)]
+        self._points = [point.rstrip("/") + "/" for *_, point, _ in map(_plain, found)]
+        numbers = {number for number, *_ in found}
+        self._on: dict[tuple[str, str], tuple[str, str, str]] = {}
+        """Number of a mount, and where another one is mounted on it -> that: its number, file system and place."""
+        for point, (number, above, fs, root, *_) in zip(self._points, map(_plain, found), strict=True):
+            on = above if above in numbers and above != number else ""
+            self._on[on, point] = number, fs, root.rstrip("/")
         self._writable = {
             _plain((point,))[0]
-            for _, _, point, more in found
+            for *_, point, more in found
             if more.startswith("rw") and more.rpartition(" ")[2].startswith("rw")
         }
         self._layers: dict[str, list[str]] = {}
         """File system of an overlay -> the folders that it shows."""
-        for fs, _, _, more in found:
+        for _, _, fs, *_, more in found:
             for some in _LAYERS.findall(more) if " - overlay " in more else ():
                 self._layers.setdefault(fs, []).extend(_plain(one for one in some.split(":") if one.startswith("/")))
 
@@ -45,15 +51,19 @@ class Mounts:
         return {f"{one} /{below}" for one, below in ((fs, within), *layers) if one}
 
     def _place(self, real: str) -> tuple[str, str]:
-        within = [one for one in self._all if f"{real}/".startswith(one[0])]
-        if not within:
-            return "", ""
-        point, fs, root = max(reversed(within), key=lambda one: len(one[0]))
-        return fs, f"{root}/{real[len(point) :].strip('/')}/".replace("//", "/").lstrip("/")
+        """Go from mount to mount as the kernel does; what is hidden by a later one above it is passed by."""
+        number, seen, found = "", set[str](), ("", "")
+        for slash in re.finditer("/", f"{real}/"):
+            point = f"{real}/"[: slash.end()]
+            while (one := self._on.get((number, point))) and one[0] not in seen:
+                number, fs, root = one
+                seen.add(number)
+                found = fs, f"{root}/{real[len(point) :].strip('/')}/".replace("//", "/").lstrip("/")
+        return found
 
     def shown(self, real: str) -> set[str]:
         """Return the places of a folder, and of all that is mounted below it."""
-        below = (point for point, _, _ in self._all if point.startswith(f"{real.rstrip('/')}/"))
+        below = (point for point in self._points if point.startswith(f"{real.rstrip('/')}/"))
         return set().union(*(self.places(one.rstrip("/")) for one in (real, *below)))
 
     def writable_below(self, real: str) -> list[str]:

@@ -110,15 +110,22 @@ spelled() {
     *) printf '%s' "$1" ;;
   esac
 }
-# a file system, and the place in it, of a path without links
+# a file system, and the place in it, of a path without links: from mount to mount, as the kernel goes, to the next on
+# the way that is mounted on the last one; what a later one hides is passed by
 place_of() {
-  place= longest=0
-  for m in $mounts; do
-    f=${m%% *} m=${m#* }
-    point=${m#* } m=${m%% *}
-    case $1/ in "${point%/}"/*)
-      [ ${#point} -lt $longest ] || { longest=${#point} place="$f ${m%/}${1#"${point%/}"}/"; } ;;
-    esac
+  place= mount=0
+  while :; do
+    next= shortest=
+    for m in $mounts; do
+      case $m in "$mount "*) point=${m##* } ;; *) continue ;; esac
+      case $1/ in "${point%/}"/*) ;; *) continue ;; esac
+      [ -n "$next" ] && [ ${#point} -gt $shortest ] || next=$m shortest=${#point}
+    done
+    [ -n "$next" ] || return 0
+    m=${next#* } point=${next##* }
+    mount=${m%% *} m=${m#* } f=${m%% *} m=${m#* }
+    place="$f ${m% *}"
+    place=${place%/}${1#"${point%/}"}/
   done
 }
 # the same, and of an overlay the places where its layers have it
@@ -224,7 +231,13 @@ _END_OF_KEPT_
     [ ! -e "$e" ] || readlink -f "$e"
   done
 )
-mounts=$(while read -r _ _ f root point _; do printf '%s\n' "$f $root $point"; done </proc/self/mountinfo)
+ids=$(while read -r id _; do printf ' %s ' $id; done </proc/self/mountinfo)
+mounts=$(
+  while read -r id parent f root point _; do
+    case $ids in *" $parent "*) [ $parent != $id ] || parent=0 ;; *) parent=0 ;; esac
+    printf '%s\n' "$parent $id $f $root $point"
+  done </proc/self/mountinfo
+)
 overlays=$(layers)
 kept_at=$(
   while read -r _ _ f root _ _ more; do

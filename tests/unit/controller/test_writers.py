@@ -11,6 +11,7 @@ from typing import Any, cast
 
 import pytest
 
+from srprov.controller.robot_mounts import Mounts
 from srprov.controller.writers import _question, check_writers
 from srprov.definitions.containermodel import Mount
 from srprov.errors import UsageError
@@ -85,6 +86,27 @@ def test_a_part_of_a_written_folder_that_is_mounted_elsewhere_is_refused(tmp_pat
             check(path)
     check("a partly")
     check("data-files/x")
+
+
+def test_where_a_path_is_mounted_is_what_the_kernel_says(tmp_path: Path) -> None:
+    """Also where mounts are on and below each other, in any order."""
+    for one in ("a/b/c", "d/b/c", "e/c"):
+        (tmp_path / one).mkdir(parents=True)
+    mounts = ("tmpfs a/b", "tmpfs a/b", "bind d a", "tmpfs a/b", "bind e a/b", "tmpfs a/b/c", "bind a e", "bind e d/b")
+    made = [
+        f"mount --bind {one[5:]}" if one.startswith("bind") else f"mount -t tmpfs t {one[6:]} && mkdir -p {one[6:]}/c"
+        for one in mounts
+    ]
+    paths = ["a", "a/b", "a/b/c", "d", "d/b", "d/b/c", "e", "e/c", "e/b", "e/b/c"]
+    told = " ".join(f'{one} "$(stat -c %d {one} 2>/dev/null || echo none)"' for one in paths)
+    for count in range(len(made) + 1):
+        script = "\n".join([f"cd {tmp_path}", *made[:count], f"printf '%s %s\\n' {told}", "cat /proc/self/mountinfo"])
+        done = subprocess.run(["unshare", "-m", "sh", "-ec", script], capture_output=True, text=True, check=True)
+        said = done.stdout.split("\n")
+        mounted = Mounts("\n".join(said[len(paths) :]))
+        for path, device in (one.split(" ") for one in said[: len(paths)]):
+            major, _, minor = next(iter(mounted.places(f"{tmp_path}/{path}"))).partition(" ")[0].partition(":")
+            assert device in ("none", str(os.makedev(int(major), int(minor)))), (count, path)
 
 
 @pytest.mark.parametrize("shell", SHELLS, ids=lambda shell: shell[0])

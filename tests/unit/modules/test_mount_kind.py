@@ -166,6 +166,22 @@ def test_what_is_mounted_twice_is_what_it_is_by_both_names(tmp_path: Path, shell
         assert tried_there(path) == (0, "")
 
 
+@pytest.mark.parametrize("shell", SHELLS, ids=lambda shell: shell[0])
+def test_what_a_later_mount_hides_counts_for_nothing(tmp_path: Path, shell: tuple[str, ...]) -> None:
+    """It is still listed, and has the longer name: what holds an engine's folder seemed to be on another disk."""
+    for one in ("mnt/ssd", "disk/ssd/docker", "disk/ssd/maps", "lib/docker"):
+        (tmp_path / one).mkdir(parents=True)
+
+    def tried_there(path: str) -> int:
+        mounts = "mount -t tmpfs tmpfs mnt/ssd && mkdir mnt/ssd/maps && mount --bind disk mnt"
+        mounts = f"cd {tmp_path} && {mounts} && mount --bind disk/ssd/docker lib/docker || exit 9"
+        script = links_refused([f"{tmp_path}/{path}"]).replace(" /var/lib/docker ", f" {tmp_path}/lib/docker ")
+        words = ["unshare", "-m", *shell, f"{mounts}\n{script}"]
+        return subprocess.run(words, capture_output=True, check=False).returncode
+
+    assert [tried_there(one) for one in ("mnt", "mnt/ssd", "disk", "mnt/ssd/maps", "disk/ssd/maps")] == [1, 1, 1, 0, 0]
+
+
 @pytest.mark.parametrize(
     "path",
     [
