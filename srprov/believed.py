@@ -52,11 +52,22 @@ def make_folder(folder: Path) -> None:
     Raises:
         OSError: As `check`; or it cannot be made.
     """
+    make_reached(folder)
+    check(folder)
+
+
+def make_reached(folder: Path) -> None:
+    """Make a folder as `make_folder` does, for what is compared when it is read: the user's links may lead there.
+
+    Raises:
+        OSError: Somebody else may have put a link on its way; or it cannot be made.
+    """
     there = next(one for one in (folder, *folder.parents) if os.path.lexists(one))
     if not is_out_of_reach(there):
         raise _refused(there)
     private.make_folder(folder)
-    check(folder)
+    if not is_out_of_reach(folder):
+        raise _refused(folder)
 
 
 def is_safe_folder(folder: Path) -> bool:

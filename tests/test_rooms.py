@@ -73,7 +73,7 @@ ROOMS: Mapping[str, Room] = {
         "jsonschema jinja2",
     ),
     "transport": room(
-        "codes errors pace datasets engine_files spool layers private plain_tar regular_file wire session"
+        "codes errors pace believed datasets engine_files spool layers private plain_tar regular_file wire session"
         " container_files untrusted secret"
         " definitions.model",
         "paramiko fabric invoke docker requests urllib3 psutil dask distributed",

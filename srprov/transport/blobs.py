@@ -22,7 +22,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from srprov import private
+from srprov import believed, private
 from srprov.transport.blob import Blob, Hash, WrongBlob, compared, identity_of, open_regular, written
 from srprov.transport.turns import OwnTurns, Turns
 
@@ -83,10 +83,18 @@ class Blobs:
         Raises:
             OSError: One that is not compressed and has to be cannot be written.
         """
+        if not self._is_ours():
+            return None
         if (blob := self._checked(digest, self._path(digest))) is not None:
             return blob
         blob = self._checked(digest, self._path(digest, raw=True))
         return blob if blob is None or raw() else self.add_wanted({digest}, blob.content())
+
+    def _is_ours(self) -> bool:
+        """Return whether no link of others leads to it: what is removed there could be the user's own files."""
+        with contextlib.suppress(OSError):
+            return believed.is_out_of_reach(self.folder)
+        return False  # nothing is there, too
 
     def _checked(self, digest: str, path: Path) -> Blob | None:
         """Return a file if it is what it is called; remove it if not."""
@@ -158,7 +166,7 @@ class Blobs:
     @contextlib.contextmanager
     def _partial(self) -> Iterator[tuple[Path, BinaryIO]]:
         """Give a new file in the folder, which is gone afterwards unless it was put somewhere."""
-        private.make_folder(self.folder)
+        believed.make_reached(self.folder)
         partial = self.folder / f"{secrets.token_hex(8)}.part"
         try:
             with open(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
@@ -206,7 +214,7 @@ class Blobs:
     def _kept(self) -> list[tuple[int, int, Path]]:
         """Return when each file was last used, its bytes, and its path."""
         found = []
-        for path in self.folder.glob("*.gz"):
+        for path in self.folder.glob("*.gz") if self._is_ours() else ():
             with contextlib.suppress(OSError):  # another process may have removed it
                 about = path.lstat()
                 found.append((about.st_atime_ns, about.st_size, path))

@@ -192,3 +192,29 @@ def test_gzip_that_holds_nothing_ends(what: str) -> None:
     read()
     assert tracemalloc.get_traced_memory()[1] < 16 << 20 and next(taken) < 10
     tracemalloc.stop()
+
+
+def test_no_layers_are_kept_or_removed_by_way_of_somebody_else_s_link(tmp_path: Path) -> None:
+    """Layers are compared when they are read; but whatever was packed where the link led was removed for new ones."""
+    mine, blobs, digest = tmp_path / "mine", Blobs(tmp_path / "srprov/blobs"), digest_of(b"layer")
+    blobs.add_content(digest, [b"layer"])
+    (tmp_path / "srprov").rename(tmp_path / "old")
+    mine.mkdir()
+    for name in ("backup.tar.gz", *(one.name for one in (tmp_path / "old/blobs").iterdir())):
+        (mine / name).write_bytes(b"mine")
+    (tmp_path / "srprov").mkdir()
+    (tmp_path / "srprov/blobs").symlink_to(mine)
+    os.lchown(tmp_path / "srprov/blobs", 65534, 65534)
+    with pytest.raises(OSError, match="others may write"):
+        blobs.add_content(digest, [b"layer"])
+    assert blobs.get(digest) is None and blobs.total() == blobs.clear() == 0
+    assert len(list(mine.iterdir())) == 2
+
+
+def test_layers_may_be_kept_where_a_link_of_the_user_s_leads(tmp_path: Path) -> None:
+    """To a larger disk."""
+    (tmp_path / "disk").mkdir()
+    (tmp_path / "srprov").symlink_to(tmp_path / "disk")
+    blobs = Blobs(tmp_path / "srprov/blobs")
+    blobs.add_content(digest_of(b"layer"), [b"layer"])
+    assert blobs.get(digest_of(b"layer")) is not None and blobs.clear() > 0
