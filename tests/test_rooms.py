@@ -49,10 +49,10 @@ ROOMS: Mapping[str, Room] = {
         "click rich tomli",
     ),
     "controller": room(
-        "believed codes errors hashing layers regular_file robot_answers wire session container_files resource secret"
-        " data datasets disk owner private untrusted time_sync sizes image_reference git_address git linear_regex"
-        " definitions transport facts assignment network images rendering modules planning execution record trials"
-        " probing plain_tar exporting snapshot yamldoc"
+        "believed whose codes errors hashing layers regular_file robot_answers wire session container_files resource"
+        " secret data datasets disk owner private untrusted time_sync sizes image_reference git_address git"
+        " linear_regex definitions transport facts assignment network images rendering modules planning execution"
+        " record trials probing plain_tar exporting snapshot yamldoc"
     ),
     "datasets": room("believed private regular_file untrusted"),
     "disk": room("regular_file images.plan"),

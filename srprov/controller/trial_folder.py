@@ -13,6 +13,7 @@ from srprov import believed, private
 from srprov.codes import Code
 from srprov.errors import RefusedError, UsageError
 from srprov.record import default_root
+from srprov.whose import others_may_write
 
 _RESUME = "go on with the run in it by --resume, or name another folder"
 
@@ -22,6 +23,7 @@ def check_new(folder: Path, used_hint: str = _RESUME) -> None:
 
     Raises:
         UsageError: So it is.
+        RefusedError: It is there, and another user's or writable by others.
     """
     try:
         used = folder.exists() and any(folder.iterdir())
@@ -35,6 +37,8 @@ def check_new(folder: Path, used_hint: str = _RESUME) -> None:
         raise UsageError(f"{folder} is not empty", hint=used_hint, code=Code.IN_THE_WAY)
     if folder.is_symlink():
         raise UsageError(f"{folder} is a link", hint="name the folder itself with -o", code=Code.STRANGE_FILE)
+    if folder.exists():
+        check_own(folder, ())
     if not usable:
         why = "you may not write there" if near.is_dir() else "it is no folder"
         raise UsageError(
@@ -47,6 +51,7 @@ def make_folder(folder: Path) -> None:
 
     Raises:
         UsageError: It cannot be made.
+        RefusedError: Others may write to it, or put a link into it since it was checked.
     """
     try:
         # whoever writes to it could put a link in the place of what is written next
@@ -56,6 +61,7 @@ def make_folder(folder: Path) -> None:
         raise UsageError(
             f"cannot make {folder}: {error.strerror}", hint="name another folder with -o", code=Code.CANNOT_WRITE
         ) from None
+    check_own(folder)
 
 
 def check_own(folder: Path, inside: Sequence[str] = ("trials",)) -> None:
@@ -74,7 +80,7 @@ def check_own(folder: Path, inside: Sequence[str] = ("trials",)) -> None:
             raise UsageError(
                 f"{one}: {error.strerror}", hint="name a folder that srprov made", code=Code.NO_FILE
             ) from None
-        if not stat.S_ISDIR(about.st_mode) or about.st_uid != os.geteuid() or about.st_mode & 0o022:
+        if not stat.S_ISDIR(about.st_mode) or about.st_uid != os.geteuid() or others_may_write(one, about):
             hint = "go on only with what is your own, in a folder that nobody else can write to"
             raise RefusedError(
                 f"{one} is a link, somebody else's, or writable by others", hint=hint, code=Code.STRANGE_FILE

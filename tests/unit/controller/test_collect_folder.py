@@ -19,7 +19,7 @@ from srprov.cli.collect import collect
 from srprov.controller import collected as collected_module
 from srprov.controller import collection
 from srprov.controller.collected import check_folder
-from srprov.controller.trial_folder import alone, check_own
+from srprov.controller.trial_folder import alone, check_new, check_own, make_folder
 from srprov.definitions.model import Experiment
 from srprov.errors import RefusedError, UsageError
 from srprov.execution.trial_patience import EquipmentFailed
@@ -184,3 +184,20 @@ def test_a_folder_that_is_a_link_is_not_used(tmp_path: Path, used: bool) -> None
     with pytest.raises((RefusedError, UsageError), match="is a link"):
         check_folder(tmp_path / "data", "hello")
     check_folder(folder, "hello")
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o1777])
+def test_an_empty_folder_to_which_others_may_write_is_no_new_one(tmp_path: Path, mode: int) -> None:
+    """They put a link in the place of what is made there next, and what comes home is written where it leads."""
+    check_new(tmp_path)
+    tmp_path.chmod(mode)
+    with pytest.raises(RefusedError, match="writable by others"):
+        check_new(tmp_path)
+    with pytest.raises(RefusedError, match="writable by others"):
+        check_folder(tmp_path, "hand")
+    with pytest.raises(RefusedError, match="writable by others"):
+        make_folder(tmp_path)
+    (tmp_path / "home").mkdir()
+    os.chown(tmp_path / "home", 65534, 65534)
+    with pytest.raises(RefusedError, match="somebody else's"):
+        check_new(tmp_path / "home")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -79,7 +80,9 @@ def test_a_folder_in_which_others_may_put_links_is_not_gone_on_with(tmp_path: Pa
     run.mkdir(mode=0o700)
     (run / "trials").mkdir(mode=0o700)
     check_own(run)
-    (run / "trials").chmod(0o770)
+    (run / "trials").chmod(0o770)  # as a umask of 002 makes it, of the user's own group
+    check_own(run)
+    os.chown(run / "trials", -1, 65534)
     with pytest.raises(RefusedError, match="writable by others"):
         check_own(run)
     (run / "trials").rmdir()
