@@ -43,7 +43,7 @@ ROOMS: Mapping[str, Room] = {
     "__main__": room("cli"),
     # Options, questions and output; a verb may also import the room that it fronts: see FILES.
     "cli": room(
-        "believed codes errors names private regular_file secret untrusted wire session controller definitions.+"
+        "believed whose codes errors names private regular_file secret untrusted wire session controller definitions.+"
         " definitions.model"
         " record.+",
         "click rich tomli",

@@ -18,7 +18,6 @@ from __future__ import annotations
 import importlib
 import itertools
 import os
-import stat
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -31,6 +30,7 @@ from srprov.believed import is_out_of_reach
 from srprov.cli.toml_text import check_parts, line
 from srprov.codes import Code
 from srprov.errors import UsageError, did_you_mean
+from srprov.whose import others_may_write
 
 PROJECT_KEYS = frozenset(
     ("inventory", "forks", "timeout", "wait-timeout", "settle", "lock-wait", "time-limit", "max-fail", "format",
@@ -198,7 +198,7 @@ def _check_owner(path: Path, about: os.stat_result) -> None:
             hint=f"look at it, then make it yours: chown {os.geteuid()} {path}",
             code=Code.STRANGE_FILE,
         )
-    if stat.S_IMODE(about.st_mode) & 0o022:
+    if others_may_write(path, about):
         raise UsageError(
             f"{path} can be written by other users", hint=f"look at it, then: chmod go-w {path}", code=Code.STRANGE_FILE
         )

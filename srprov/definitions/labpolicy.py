@@ -7,7 +7,6 @@ for reading.
 from __future__ import annotations
 
 import os
-import stat
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
@@ -18,6 +17,7 @@ from srprov.codes import Code
 from srprov.definitions import schema
 from srprov.definitions.values import scalars, text
 from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
+from srprov.whose import others_may_write
 from srprov.yamldoc import loader, nodes
 from srprov.yamldoc.fields import size_in_bytes
 from srprov.yamldoc.nodes import Findings, Map, Node, Scalar
@@ -70,7 +70,7 @@ def load(path: str, kinds: Collection[str]) -> LabPolicy | None:
         raise DefinitionError(
             [Diagnostic(Location(path), f"cannot be read: {error.strerror}", code=Code.UNREADABLE)]
         ) from None
-    if stat.S_IMODE(status.st_mode) & 0o022 or status.st_uid not in (0, os.getuid()) or not is_out_of_reach(path):
+    if others_may_write(path, status) or not is_out_of_reach(path):
         message = "a policy that others can write is none"
         hint = f"it must be yours or root's: chown, and chmod go-w {path}"
         raise DefinitionError([Diagnostic(Location(path), message, hint=hint, code=Code.WRONG_TYPE)])

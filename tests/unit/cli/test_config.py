@@ -137,11 +137,20 @@ def test_an_option_that_is_called_as_a_verb_is_an_option(tmp_path: Path, name: s
 def test_a_file_that_others_can_write_is_refused(tmp_path: Path, mode: int) -> None:
     """The hint says the command."""
     write(tmp_path / "srprov.toml", "forks = 3\n")
+    os.chown(tmp_path / "srprov.toml", -1, 4711)
     (tmp_path / "srprov.toml").chmod(mode)
 
     with pytest.raises(UsageError, match="can be written by other users") as refused:
         default_map(VERBS, tmp_path, own(tmp_path))
     assert f"chmod go-w {tmp_path}/srprov.toml" in refused.value.hint
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only of root is known which group is its own")
+def test_a_file_that_the_user_s_own_group_can_write_is_taken(tmp_path: Path) -> None:
+    """With a umask of 002, as Ubuntu gives it to users, git and editors make all files so."""
+    write(tmp_path / "srprov.toml", "forks = 3\n")
+    (tmp_path / "srprov.toml").chmod(0o664)
+    assert default_map(VERBS, tmp_path, own(tmp_path))["apply"] == {"forks": 3}
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files away")

@@ -250,6 +250,8 @@ def test_a_policy_in_whose_place_others_can_put_one_is_none(tmp_path: Path) -> N
     path.write_text("policy: 1\n")
     path.chmod(0o600)
     assert load(str(path), ()) is not None
+    path.chmod(0o664)  # as a umask of 002 makes it: the user's own group is nobody else
+    assert load(str(path), ()) is not None
     path.parents[1].chmod(0o777)
     with pytest.raises(DefinitionError) as refused:
         load(str(path), ())
