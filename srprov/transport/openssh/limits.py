@@ -1,7 +1,7 @@
-"""What an sshd may send: a banner of some length, packets of some size, and on a channel no more than it was allowed.
+"""What an sshd may send: a banner of some length, messages of some size, and on a channel no more than it was allowed.
 
 Takes and gives what paramiko's own classes do; they believe a peer. A packet may claim 4 GiB, a line before the banner
-need not end, and data beyond a channel's window is kept in memory.
+need not end, and data beyond a channel's window is kept in memory. Text that is none ends their reader with any error.
 Source: RFC 4253, 4.2 and 6.1; RFC 4254, 5.2; OpenSSH's packet.h (PACKET_MAX_SIZE).
 """
 
@@ -20,6 +20,17 @@ PACKET = 256 * 1024
 
 class Flooded(paramiko.SSHException):
     """The far end sent more than it may."""
+
+
+class Unreadable(paramiko.SSHException):
+    """The far end sent a message that is none."""
+
+
+def in_words(error: Exception | None) -> Exception | None:
+    """Return what ended paramiko's reader, which may be any error, as one of those that its callers expect."""
+    if error is None or isinstance(error, (paramiko.SSHException, OSError, EOFError)):
+        return error
+    return Unreadable(f"a message of its sshd cannot be read ({type(error).__name__})")
 
 
 class BoundedPacketizer(Packetizer):

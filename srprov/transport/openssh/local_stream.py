@@ -14,7 +14,7 @@ import paramiko
 from paramiko.common import MSG_CHANNEL_DATA, MSG_CHANNEL_EXTENDED_DATA
 from paramiko.transport import Transport
 
-from srprov.transport.openssh.limits import BoundedPacketizer, feed, feed_extended
+from srprov.transport.openssh.limits import BoundedPacketizer, feed, feed_extended, in_words
 
 _KIND = "direct-streamlocal@openssh.com"
 
@@ -49,6 +49,10 @@ class LocalStreamTransport(Transport):
             return None
         finally:
             self._wanted.path = None
+
+    def get_exception(self) -> Exception | None:
+        """Return what ended the connection, once, and nothing but paramiko's own errors and the system's."""
+        return in_words(super().get_exception())
 
     def _send_user_message(self, data: Any) -> None:  # noqa: ANN401 - a paramiko Message
         """Send a message; the first one that `open_channel` sends in this thread gets the fields of its kind."""
