@@ -28,6 +28,8 @@ from srprov.wire import Query, quote
 
 PLACES = ("/run/srprov", "/tmp/srprov")  # noqa: S108 - the fallback is used only when root owns it
 """Folders for lock and holder: the first that root can write to, and that root owns."""
+_LONGEST_S = 100 * 365 * 86_400
+"""What a robot claims beyond is no time for which it can be held; it might have begun before any calendar."""
 
 # `lock_set.py` puts `tidy=…` before it: what to run once the lock is held, to remove what others left
 SCRIPT = r"""
@@ -173,6 +175,8 @@ def parse_holder(answer: str) -> Holder:
     told = mapping(json_or_none(rest))
     now, begun = _moment(robot_now), _moment(text(told.get("since")))
     seconds = max(0, int((now - begun).total_seconds())) if now and begun else None
+    if seconds is not None and seconds > _LONGEST_S:
+        seconds = None
     since = ""
     if seconds is not None:
         here = dt.datetime.now(dt.timezone.utc) - dt.timedelta(seconds=seconds)

@@ -292,6 +292,7 @@ def test_a_robot_that_cannot_be_locked_says_why() -> None:
 @pytest.mark.parametrize(
     "text",
     ["", "x", "2026-11-21T02:00:00Z", "2026-11-21T02:00:00Z {", "2026-11-21T02:00:00Z []", "2026-11-21T02:00:00Z 7",
+     '9999-01-01T00:00:00Z {"since": "0001-01-01T00:00:00Z"}', '2926-11-21T02:00:00Z {"since": "1026-11-21T02:00:00Z"}',
      '2026-11-21T02:00:00Z {"owner": 7, "pid": "x", "purpose": [], "since": {}, "run": null}', "\0\0 \0"],
 )  # fmt: skip
 def test_a_holder_file_is_believed_nothing(text: str) -> None:
