@@ -26,6 +26,7 @@ from srprov.modules import RUNNING
 from srprov.modules.mount_kind import GRAVE, mount_kind, plain
 from srprov.planning.plan import Step
 from srprov.resource import Action
+from srprov.robot_answers import TooManyError
 from srprov.untrusted import folder, lines_of, mapping, text
 from srprov.wire import Query, Reply, quote
 
@@ -174,11 +175,13 @@ def _still_writable(robot: HostFacts, services: Sequence[Service], said: Sequenc
         return
     links = dict(line.partition(" ")[::2] for line in lines_of(said[0].out, _MOST_LINES))
     only = {one.source: service.name for service in services for one in _binds(service) if one.read_only}
-    mounts = Mounts(said[1].out) if only else None
+    mounts = Mounts(said[1].out if only else "")
     for number, source in enumerate(_all_sources(services)):
-        points = (
-            mounts.writable_below(folder(links.get(str(number), "")) or source) if mounts and source in only else []
-        )
+        try:
+            points = mounts.writable_below(folder(links.get(str(number), "")) or source) if source in only else []
+        except TooManyError as error:
+            yield f"{robot.name}: {error}: whether all of {source} is read-only is not known"
+            return
         if points:
             shown = ", ".join(map(text, points[:_MOST_NAMED])) + (" and more" if len(points) > _MOST_NAMED else "")
             what = f"{source} is read-only for '{only[source]}', but what is mounted below it is not"

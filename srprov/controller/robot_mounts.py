@@ -6,13 +6,17 @@ Takes what a robot says; gives places as texts. Pure.
 from __future__ import annotations
 
 import re
+from bisect import bisect_left
 from collections.abc import Iterable
 
+from srprov.robot_answers import TooManyError
 from srprov.untrusted import lines_of
 from srprov.wire import Query
 
 MOUNTS = Query(command="cat /proc/self/mountinfo")
 _MOST_LINES = 100_000
+_MOST_LOOKS = 2_000_000
+"""At names, for all questions about one robot; a robot has hundreds of mounts, and looks at each about once."""
 _MOUNT = re.compile(r"([0-9]+) ([0-9]+) ([0-9]+:[0-9]+) (/\S*) (/\S*) (.*)", re.ASCII)
 """Its number, that of the mount it is on, file system, the place in it, where, and more; source: proc(5)."""
 _LAYERS = re.compile(r"(?:lowerdir\+?|upperdir)=([^,\s]+)")
@@ -21,28 +25,35 @@ _OCTAL = re.compile(r"\\([0-7]{3})")
 
 
 class Mounts:
-    """What is mounted on a robot, by its own word: one folder may be shown at several places, or a part of it."""
+    """What is mounted on a robot, by its own word: one folder may be shown at several places, or a part of it.
+
+    What it says may have no end: each look at a name is counted, and beyond two million TooManyError is raised.
+    """
 
     def __init__(self, said: str) -> None:
         """Take what the robot says; lines that are none of a mount are passed over."""
         found = [match.groups() for line in lines_of(said, _MOST_LINES) if (match := _MOUNT.fullmatch(line))]
-        self._points = [point.rstrip("/") + "/" for *_, point, _ in map(_plain, found)]
+        points = [point.rstrip("/") for *_, point, _ in map(_plain, found)]
         numbers = {number for number, *_ in found}
         self._on: dict[tuple[str, str], tuple[str, str, str]] = {}
         """Number of a mount, and where another one is mounted on it -> that: its number, file system and place."""
-        for point, (number, above, fs, root, *_) in zip(self._points, map(_plain, found), strict=True):
+        for point, (number, above, fs, root, *_) in zip(points, map(_plain, found), strict=True):
             on = above if above in numbers and above != number else ""
-            self._on[on, point] = number, fs, root.rstrip("/")
-        self._writable = {
-            _plain((point,))[0]
-            for *_, point, more in found
-            if more.startswith("rw") and more.rpartition(" ")[2].startswith("rw")
-        }
+            self._on[on, f"{point}/"] = number, fs, root.rstrip("/")
+        self._points = sorted({*points})
+        self._writable = sorted(
+            {
+                _plain((point,))[0]
+                for *_, point, more in found
+                if more.startswith("rw") and more.rpartition(" ")[2].startswith("rw")
+            }
+        )
         self._layers: dict[str, list[str]] = {}
         """File system of an overlay -> the folders that it shows."""
         for _, _, fs, *_, more in found:
             for some in _LAYERS.findall(more) if " - overlay " in more else ():
                 self._layers.setdefault(fs, []).extend(_plain(one for one in some.split(":") if one.startswith("/")))
+        self._looks = 0
 
     def places(self, real: str) -> set[str]:
         """Return a path's file system and its place in that, with a slash at its end; of an overlay its layers'."""
@@ -55,20 +66,34 @@ class Mounts:
         number, seen, found = "", set[str](), ("", "")
         for slash in re.finditer("/", f"{real}/"):
             point = f"{real}/"[: slash.end()]
+            self._count(1)
             while (one := self._on.get((number, point))) and one[0] not in seen:
+                self._count(1)
                 number, fs, root = one
                 seen.add(number)
                 found = fs, f"{root}/{real[len(point) :].strip('/')}/".replace("//", "/").lstrip("/")
         return found
 
-    def shown(self, real: str) -> set[str]:
-        """Return the places of a folder, and of all that is mounted below it."""
-        below = (point for point in self._points if point.startswith(f"{real.rstrip('/')}/"))
-        return set().union(*(self.places(one.rstrip("/")) for one in (real, *below)))
+    def shown(self, every: Iterable[str]) -> set[str]:
+        """Return the places of some folders, and of all that is mounted below them."""
+        folders = {one.rstrip("/") for one in every}
+        below = {point for one in folders for point in self._among(self._points, one)}
+        return set().union(*(self.places(one) for one in folders | below))
 
     def writable_below(self, real: str) -> list[str]:
         """Return where something is mounted below a folder that can be written, also where the folder itself cannot."""
-        return sorted(one for one in self._writable if one.startswith(f"{real.rstrip('/')}/"))
+        return self._among(self._writable, real.rstrip("/"))
+
+    def _among(self, points: list[str], folder: str) -> list[str]:
+        """Return those of sorted points that lie below a folder."""
+        found = points[bisect_left(points, f"{folder}/") : bisect_left(points, f"{folder}0")]  # "0" follows "/"
+        self._count(1 + len(found))
+        return found
+
+    def _count(self, looks: int) -> None:
+        self._looks += looks
+        if self._looks > _MOST_LOOKS:
+            raise TooManyError("more is mounted there than can be looked through")
 
 
 def _plain(words: Iterable[str]) -> tuple[str, ...]:

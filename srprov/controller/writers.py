@@ -22,6 +22,7 @@ from srprov.facts.gather import Gathering
 from srprov.modules import RUNNING
 from srprov.modules.mount_kind import GRAVE, below, mount_kind
 from srprov.planning.plan import Step
+from srprov.robot_answers import TooManyError
 from srprov.untrusted import lines_of, text
 from srprov.wire import Query, quote
 
@@ -99,11 +100,12 @@ def check_writers(steps: Sequence[Step], placed: Collection[tuple[str, Service]]
     replies = look.ask_each({robot: (_question(some), MOUNTS) for robot, some in sources.items()})
     # thousands of paths may take a robot longer than it has
     wrong = [f"{robot}: it does not say what its paths are" for robot in sorted(sources.keys() - replies.keys())]
-    wrong += [
-        f"{robot}: {line}"
-        for robot, (reply, mounted) in replies.items()
-        for line in _below(mounts[robot], _places(sources[robot], reply.out), Mounts(mounted.out))
-    ]
+    for robot, (reply, mounted) in replies.items():
+        try:
+            some = list(_below(mounts[robot], _places(sources[robot], reply.out), Mounts(mounted.out)))
+        except TooManyError as error:
+            some = [str(error)]
+        wrong += [f"{robot}: {line}" for line in some]
     if wrong:
         hint = f"mount it by the name of that folder, which asks for {GRAVE}; or let it be mounted read-only"
         raise UsageError("containers would mount what others make:\n" + "\n".join(wrong), hint=hint, code=Code.NO_ROOM)
@@ -144,7 +146,7 @@ def _below(
     made = {places[source].own for source in written} - {""}
     named, is_below = below(written), below(places[source].real for source in written)
     inner = {point for _, one in some if one.read_only for point in mounted.writable_below(places[one.source].real)}
-    shown = below(f"/{one}" for path in (*(places[one].real for one in written), *inner) for one in mounted.shown(path))
+    shown = below(f"/{one}" for one in mounted.shown([*(places[one].real for one in written), *inner]))
 
     @functools.cache  # thousands of paths have the folders above them in common
     def is_written(path: str) -> bool:

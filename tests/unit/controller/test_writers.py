@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import subprocess
+import time
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any, cast
 
 import pytest
 
-from srprov.controller.robot_mounts import Mounts
+from srprov.controller.robot_mounts import MOUNTS, Mounts
 from srprov.controller.writers import _question, check_writers
 from srprov.definitions.containermodel import Mount
 from srprov.errors import UsageError
@@ -249,3 +250,38 @@ def test_a_robot_that_does_not_answer_is_no_robot_without_such_paths() -> None:
     look: Any = Silent(("sh",))
     with pytest.raises(UsageError, match="r1: it does not say what its paths are"):
         check_writers(steps, [("r1", service("s0", mounts=mounts))], cast("Gathering", look))
+
+
+class Talks(Here):
+    """Has mounts without end."""
+
+    said = ""
+
+    def _run(self, command: str) -> Reply:
+        places = "".join(f"{n} /srv/{one}\n8:0 /\n8:1 /srv\n8:{n + 2} /srv/{one}\n" for n, one in enumerate("ab"))
+        return Reply(status=0, out=self.said if command == MOUNTS.command else places)
+
+
+def test_mounts_without_end_are_looked_through_in_time() -> None:
+    """All pairs of them were: half an hour for what a robot says in 4 MB, in which all others waited."""
+    look = Talks(("sh",))
+    look.said = "".join(f"1 0 8:1 /{n} /srv/a/{n} rw - ext4 x rw\n" for n in range(90_000))
+    began = time.monotonic()
+    assert checked_by(look, (Path("/srv/a"), False), (Path("/srv/b"), True)) == 1
+    assert time.monotonic() - began < 10
+
+
+@pytest.mark.parametrize(
+    "many",
+    [
+        "".join(f"1 0 0:9 / /srv/a/{n} rw - overlay x rw,lowerdir={':'.join(['/l'] * 50)}\n" for n in range(3000)),
+        "".join(f"1 0 0:9 / /srv/a/{n} rw - overlay x rw,lowerdir={'/l' * 900}\n" for n in range(3000)),
+    ],
+)
+def test_layers_without_end_are_the_robot_s_failure(many: str) -> None:
+    look = Talks(("sh",))
+    look.said = many
+    began = time.monotonic()
+    with pytest.raises(UsageError, match="r1: more is mounted there than can be looked through"):
+        checked_by(look, (Path("/srv/a"), False), (Path("/srv/b"), True))
+    assert time.monotonic() - began < 10
