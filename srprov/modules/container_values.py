@@ -15,10 +15,10 @@ from msgspec.structs import replace
 
 from srprov.modules.container_body import engine_body, parts_of
 from srprov.modules.container_params import ContainerParams
-from srprov.modules.differences import compared
+from srprov.modules.differences import bounded, compared
 from srprov.modules.module import digest
 from srprov.resource import Difference, State
-from srprov.untrusted import integer, mapping, mappings, string, string_map, strings
+from srprov.untrusted import integer, is_of_one, mapping, mappings, string, string_map, strings
 from srprov.wire import Reply
 
 Parts = dict[str, dict[str, str]]
@@ -45,7 +45,8 @@ def wanted_values(want: ContainerParams) -> Parts:
 
 def differing_values(want: ContainerParams, found: State, replies: Sequence[Reply]) -> tuple[Difference, ...]:
     """Return which values differ from those of a container that is there; `replies` inspect it and its image."""
-    about = mapping(replies[0].json()) if replies and replies[0].ok else {}
+    readable = replies and replies[0].ok and all(is_of_one(one.out) for one in replies)
+    about = mapping(replies[0].json()) if readable else {}
     if not about:
         return (Difference(field="container", note="its old values were not read"),)
     wanted, there = wanted_values(want), _found(about, want)
@@ -56,7 +57,7 @@ def differing_values(want: ContainerParams, found: State, replies: Sequence[Repl
         base = None if brought is None else brought.get(part, {})
         kept = {key: value for key, value in there.get(part, {}).items() if _counts(part, key, value, new, base)}
         differing += compared({key: value for key, value in kept.items() if key not in want.made_with}, new)
-    return tuple(differing)
+    return bounded(differing)
 
 
 def between(old: ContainerParams, new: ContainerParams) -> tuple[Difference, ...]:

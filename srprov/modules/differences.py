@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import difflib
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from srprov.resource import Difference
 from srprov.wire import Query, Reply, quote
@@ -21,6 +21,7 @@ _MOST_SHOWN = 60
 """Lines of a diff."""
 _LONGEST_LINE = 300
 _LONGEST_VALUE = 2000
+_MOST_GONE = 100
 _NOT_TEXT = ("\0", "\ufffd")
 
 
@@ -32,6 +33,16 @@ def compared(old: Mapping[str, str], new: Mapping[str, str]) -> tuple[Difference
         for field, before, after in pairs
         if before != after
     )
+
+
+def bounded(every: Sequence[Difference]) -> tuple[Difference, ...]:
+    """Return differences; of values that only the robot has, which may be without end, the first hundred."""
+    gone = [one for one in every if one.new is None]
+    if len(gone) <= _MOST_GONE:
+        return tuple(every)
+    left = {one.field for one in gone[_MOST_GONE:]}
+    shown = (one for one in every if one.new is not None or one.field not in left)
+    return (*shown, Difference(field="container", note=f"and {len(left)} more values that are there, and go"))
 
 
 def read_start(path: str) -> Query:

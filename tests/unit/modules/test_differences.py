@@ -58,6 +58,27 @@ def test_without_the_image_nothing_that_it_may_have_brought_is_told() -> None:
     assert not [one for one in found if one.field in ("environment.PATH", "command")]
 
 
+def test_values_without_end_are_counted() -> None:
+    """Each was a line of the plan; what is wanted is told, however many there are."""
+    image = Reply(status=200, out='{"Config": {}}')
+    about = {"Id": "a" * 64, "Config": {"Image": "busybox", "Env": [f"A{n}=x" for n in range(20_000)]}}
+    said = Reply(status=200, out=json.dumps(about))
+
+    found = differing_values(WANT, {"parts": {"environment": "x"}}, [said, image])
+
+    assert len(found) < 120 and Difference(field="environment.RATE", new="4") in found
+    assert found[-1] == Difference(field="container", note="and 19900 more values that are there, and go")
+
+
+@pytest.mark.parametrize("at", [0, 1])
+def test_what_is_longer_than_any_container_or_image_needs_is_not_read(at: int) -> None:
+    """A robot says up to 8 MiB of each, of many containers."""
+    said = [Reply(status=200, out='{"Id": "a", "Config": {}}'), Reply(status=200, out='{"Config": {}}')]
+    said[at] = Reply(status=200, out=said[at].out + " " * (512 << 10))
+    (found,) = differing_values(WANT, {"parts": {"environment": "x"}}, said)
+    assert found == Difference(field="container", note="its old values were not read")
+
+
 def test_wanted_values_have_no_empty_part() -> None:
     """The parts are those of the hashes, so that one leads to the other."""
     from srprov.modules.container_body import parts_of
