@@ -127,7 +127,8 @@ def content_difference(field: str, path: str, replies: Sequence[Reply], blob: by
         return text_difference(field, replies[1], members[0].content.decode("utf-8", "replace"))
     if len(replies[0].out.encode()) >= _MOST_LISTED or not replies[0].ok:
         return Difference(field=field, note="the old content was not read")
-    old = {posixpath.relpath(name, path): sha for sha, _, name in (line.partition("  ") for line in _lines(replies[0]))}
+    lines = (line.partition("  ") for line in _lines(replies[0]))
+    old = {posixpath.relpath(name, path): sha for sha, _, name in lines if name.startswith("/")}
     new = {one.path.partition("/")[2] or ".": hashlib.sha256(one.content or b"").hexdigest() for one in members}
     return Difference(field=field, note=_named(old, new) or "content differs in no file: links or permissions")
 

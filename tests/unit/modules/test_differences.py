@@ -130,6 +130,21 @@ def test_a_tar_that_is_none_is_said_to_be() -> None:
     assert mounted_tree("bind /etc (read-only)") == mounted_tree(None) == ("", "")
 
 
+@pytest.mark.parametrize("line", ["x" * 70, "x" * 70 + "  ", "x" * 70 + "  a", "x" * 64 + "  /p"])
+def test_a_line_that_is_no_hash_of_a_file_says_nothing(line: str) -> None:
+    """Of a robot that lies: it ended the plan of all robots; and a name without a folder was one of this machine's."""
+    whole = io.BytesIO()
+    with tarfile.open(fileobj=whole, mode="w", format=tarfile.PAX_FORMAT) as archive:
+        for name in ("p/a", "p/b"):
+            entry = tarfile.TarInfo(name)
+            entry.mode = 0o644
+            archive.addfile(entry, io.BytesIO())
+    found = content_difference(
+        "volumes./f", "/p", (Reply(status=0, out=line + "\n"), Reply(status=0)), whole.getvalue()
+    )
+    assert found.note in ("2 new: a, b", "2 new: a, b; 1 gone: .")
+
+
 def test_what_is_asked_only_reads() -> None:
     """Whatever the path is; and the shell does what is meant, on a file, a folder and nothing."""
     for path in ("/var/lib/srprov/e/a", "/x/it's $(reboot); rm -rf /"):
