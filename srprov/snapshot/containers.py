@@ -61,7 +61,9 @@ def service_of(name: str, box: Mapping[str, Any], image: Mapping[str, Any], runt
     if network.get("network") in ("host", "none"):
         fields.pop("ports", None)
     fields |= _exposed(config, own, host)
-    fields |= health_field(config.get("Healthcheck"), own.get("Healthcheck"))
+    if health := health_field(config.get("Healthcheck"), own.get("Healthcheck")):
+        health["healthcheck"]["test"] = _words("healthcheck", health["healthcheck"]["test"], subject, notes)
+        fields |= health
     fields |= _hostname(box, config, network, subject, notes) | _labels(config, own, subject, notes)
     for key in sorted(map(str, config))[:200]:
         if key not in _CONFIG and key not in ("Domainname", "MacAddress") and config[key]:

@@ -49,6 +49,14 @@ _ASSIGNED = re.compile(
     r"""(?x) (?P<name>[A-Za-z][A-Za-z0-9_.-]{1,80}) ["']? [ \t]* (?: => | :=? | = ) [ \t]*
     (?: "(?P<double>[^"\n]{1,4000})" | '(?P<single>[^'\n]{1,4000})' | (?P<bare>[^\s"'()\[\]{}$<>,;&|]{4,4000}) )"""
 )
+_WHOLE = re.compile(r"(-{0,2}(?P<name>[A-Za-z][\w.-]{0,80})=)(?P<value>\S{1,4000})")
+"""A word of a command: no shell reads it, and so `$`, `;` and brackets are of its value."""
+_OPTION = re.compile(
+    r"""(?x) (?<![\w-]) (--?(?P<name>[A-Za-z][\w-]{0,80})[ \t]{1,20})
+    (?P<value> "[^"\n]{1,4000}" | '[^'\n]{1,4000}' | [^\s;&|<>"'-][^\s;&|<>]{0,4000} )"""
+)
+"""In a script of a command."""
+_REFERENCE = re.compile(r"\$(?:\w+|[({].*)", re.DOTALL)
 _CHANCE = re.compile(r"[A-Za-z0-9+/=_-]{20,500}")
 _LEAST_BITS = 3.6
 """Per character; words of a language, paths and names have less."""
@@ -91,14 +99,24 @@ def masked(text: str) -> str:
 
 
 def masked_words(words: Sequence[str]) -> list[str]:
-    """Return a command's words as `masked` does; also what follows a word such as `--password`."""
+    """Return a command's words as `masked` does; also what follows `--password`, or is in one word with it."""
     found: list[str] = []
     follows = False
     for word in words:
-        found.append(MASK if follows and not word.startswith("-") else masked(word))
+        found.append(MASK if follows and not word.startswith("-") else _masked_word(word))
         option = re.fullmatch(r"--?([A-Za-z][\w-]{0,80})", word)
         follows = option is not None and secret_name(option[1])
     return found
+
+
+def _masked_word(word: str) -> str:
+    if (whole := _WHOLE.fullmatch(word)) and _assigned_secret(whole["name"], whole["value"].strip("\"'")):
+        return f"{whole[1]}{MASK}"
+    return masked(_OPTION.sub(_of_option, word))
+
+
+def _of_option(match: re.Match[str]) -> str:
+    return f"{match[1]}{MASK}" if _assigned_secret(match["name"], match["value"].strip("\"'")) else match[0]
 
 
 def _of_url(match: re.Match[str]) -> str:
@@ -116,7 +134,7 @@ def _of_assignment(match: re.Match[str]) -> str:
 
 def _assigned_secret(name: str, value: str) -> bool:
     """Return whether a value in a text is a secret by the name that it is assigned to."""
-    if value.lower() in _PLAIN or value == MASK or value.startswith(("$", "/run/secrets/")):
+    if value.lower() in _PLAIN or value == MASK or value.startswith("/run/secrets/") or _REFERENCE.fullmatch(value):
         return False
     if name in _NO_SECRET or not secret_name(name):
         return False

@@ -124,6 +124,14 @@ def test_a_secret_of_one_robot_is_written_nowhere_for_another(tmp_path: Path) ->
     assert edf["secrets"] == {"db-password": {"env": "DB__PASSWORD"}}
 
 
+def test_a_password_in_a_health_check_is_hidden_as_in_a_command(tmp_path: Path) -> None:
+    check = {"Test": ["CMD", "mysqladmin", "ping", "--password", "hunter2", "--secret=a$b"]}
+    one = {**box(1, "db"), "Config": {**box(1, "db")["Config"], "Healthcheck": check}}
+    document, edf, written = taken(tmp_path / "out", r1=Robot(boxes=[one]))
+    assert edf["services"]["db"]["healthcheck"]["test"] == [*check["Test"][:4], "***", "--secret=***"]
+    assert "hunter2" not in written + json.dumps(document) and "its healthcheck holds" in written
+
+
 def test_no_robot_gets_files_of_the_snapshot_mounted(tmp_path: Path) -> None:
     """Engines say whole paths; in an EDF another one is of the experiment's folder, which has other robots' changes."""
     for source in (".", "./r2", "r2", "..", "~/x", "~pi/x", ""):

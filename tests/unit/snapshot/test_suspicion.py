@@ -65,8 +65,23 @@ def test_a_text_keeps_what_is_no_secret() -> None:
     assert masked_words(["app", "--password", "hunter2", "-v", "x"]) == ["app", "--password", MASK, "-v", "x"]
 
 
+@pytest.mark.parametrize("value", ["pa$$w0rd!", "$ecret!23", "Tr0ub4$or&3", "(a)bc", "a;b;c", "abc", "[a,b]"])
+def test_a_word_of_a_command_is_a_secret_up_to_its_end(value: str) -> None:
+    """No shell reads it: the rest of it stood there, or all of it."""
+    assert masked_words(["app", f"--password={value}", "x"]) == ["app", f"--password={MASK}", "x"]
+
+
+def test_what_follows_an_option_in_a_script_is_one_too() -> None:
+    said = masked_words(["sh", "-c", "a --password hunter2; b --auth-token 'x y' --token $TOKEN --key-file /a"])
+    assert said[2] == f"a --password {MASK}; b --auth-token {MASK} --token $TOKEN --key-file /a"
+    for kept in ("--password=$PASS", "--password=${PASS:-x}", "--password-file=/run/x", "--speed=3", "--key=left"):
+        assert masked_words([kept]) == [kept]
+
+
 def test_the_time_is_linear_in_the_text() -> None:
     begin = time.process_time()
+    for text in ("--password " * 40_000, "--password 'x" * 40_000, f"--p={'$' * 400_000}", "-a " * 130_000):
+        masked_words([text])
     for text in ("a" * 400_000, "password=" * 40_000, "://a" * 90_000, "a='" * 100_000, "-----BEGIN " * 30_000):
         masked(text)
     assert time.process_time() - begin < 2
