@@ -140,6 +140,12 @@ def folder(value: object) -> str:
     return said if said.startswith("/") else ""
 
 
+def absolute(value: object) -> str:
+    """Return an absolute path as `string` does, for a word of a shell, which holds no NUL; what is none is ""."""
+    said = string(value)
+    return said if said.startswith("/") and "\0" not in said else ""
+
+
 def lines_of(out: str, most: int) -> list[str]:
     """Return at most `most` lines. Only a line feed ends one; str.splitlines would also take a form feed."""
     return out.split("\n", most)[:most]

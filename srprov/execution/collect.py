@@ -20,7 +20,7 @@ from srprov.execution.result_scripts import LIST, TAR, UNNAMEABLE, WHY, ending, 
 from srprov.execution.sandbox import MISSING, ended_with_channel
 from srprov.pace import TOO_LITTLE, Pace
 from srprov.session import Session, Streams
-from srprov.untrusted import mapping, mappings, string
+from srprov.untrusted import absolute, mapping, mappings, string
 
 _T = TypeVar("_T")
 _HASHED_PER_S = 2 << 20
@@ -68,9 +68,9 @@ def place_of(inspected: object, path: str) -> Place | None:
     for mount in _mounts(inspected):
         target = string(mount.get("Destination")).rstrip("/")
         inside = target and (path == target or path.startswith(f"{target}/"))
-        if inside and string(mount.get("Source")).startswith("/") and (best is None or best[0] < len(target)):
+        if inside and absolute(mount.get("Source")) and (best is None or best[0] < len(target)):
             best = (len(target), mount, path[len(target) :].strip("/") or ".")
-    return Place(root=string(best[1].get("Source")), path=best[2]) if best else None
+    return Place(root=absolute(best[1].get("Source")), path=best[2]) if best else None
 
 
 def places_below(inspected: object, path: str) -> list[tuple[str, Place]]:
@@ -80,8 +80,8 @@ def places_below(inspected: object, path: str) -> list[tuple[str, Place]]:
     """
     found: dict[str, Place] = {}
     for mount in _mounts(inspected):
-        target, source = string(mount.get("Destination")), string(mount.get("Source"))
-        if target.startswith(f"{path.rstrip('/')}/") and source.startswith("/") and mount.get("RW") is not False:
+        target, source = string(mount.get("Destination")), absolute(mount.get("Source"))
+        if target.startswith(f"{path.rstrip('/')}/") and source and mount.get("RW") is not False:
             found[target[len(path.rstrip("/")) :].strip("/")] = Place(root=source, path=".")
     return sorted(found.items())
 

@@ -19,7 +19,7 @@ from srprov.controller import bringing, results
 from srprov.controller.bringing import Bringing, Home, _listed
 from srprov.controller.results import bring_results, listed
 from srprov.definitions.trialsmodel import Result
-from srprov.execution.collect import CollectFailed, Place, fetch_file, fetch_tar, listings, place_of
+from srprov.execution.collect import CollectFailed, Place, fetch_file, fetch_tar, listings, place_of, places_below
 from srprov.execution.listing import Entry, Listing, ListingError
 from srprov.pace import Pace
 from srprov.record.results import Kept, Names
@@ -363,6 +363,14 @@ def test_a_mount_that_a_robot_names_as_no_folder_can_be_is_not_brought(root: Pat
     mounts = {"Mounts": [{"Destination": name, "Source": source} for name, source in places.items()]}
     with pytest.raises(CollectFailed, match="no folder here can have the name of its mount"):
         bring_results(Machine(), mounts, (Result(path="/out"),), tmp_path / "a/b/c", Home(parts=tmp_path / "parts"))
+
+
+def test_a_mount_whose_source_holds_a_nul_is_none() -> None:
+    """No word of a shell holds one: it ended the run of all trials."""
+    mounts = [{"Destination": "/r", "Source": "/x\0y"}, {"Destination": "/r/in", "Source": "/x\0y"}]
+    assert place_of({"Mounts": mounts}, "/r/a") is None
+    assert places_below({"Mounts": mounts}, "/r") == []
+    assert place_of({"Mounts": [*mounts, {"Destination": "/r", "Source": "/x"}]}, "/r/a") == Place(root="/x", path="a")
 
 
 def test_a_part_that_was_damaged_here_is_fetched_anew(
