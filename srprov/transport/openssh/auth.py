@@ -11,8 +11,9 @@ from __future__ import annotations
 import contextlib
 import functools
 import os
+import re
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -27,6 +28,8 @@ from srprov.transport.openssh.settings import SshSettings
 from srprov.wire import quote
 
 _LARGEST_KEY = 16 * 1024
+_METHOD = re.compile(r"[a-z0-9][a-z0-9@.-]{0,63}")
+_MOST_METHODS = 8
 Attempt = tuple[str, str, Callable[[paramiko.Transport], list[str]]]
 """Method, what is offered in words, and a function that offers it and returns what the robot wants besides."""
 
@@ -95,15 +98,15 @@ class Login(AuthStrategy):
                 try:
                     more = attempt(transport)
                 except paramiko.BadAuthenticationType as error:
-                    allowed = list(error.allowed_types)
-                    self.tried.append(f"{label} (not accepted: the robot wants {' or '.join(allowed)})")
+                    allowed = _methods(error.allowed_types)
+                    self.tried.append(f"{label} (not accepted: the robot wants {_either(allowed, 'or')})")
                 except paramiko.SSHException as error:
                     self._failed(transport, label, error)
                 else:
                     if not more:
                         return AuthResult(strategy=self)
-                    allowed = list(more)
-                    self.tried.append(f"{label} (accepted, but the robot also wants {' and '.join(allowed)})")
+                    allowed = _methods(more)
+                    self.tried.append(f"{label} (accepted, but the robot also wants {_either(allowed, 'and')})")
         finally:
             agent.close()
         raise self._error("")
@@ -176,6 +179,15 @@ class Login(AuthStrategy):
                 "(ansible_ssh_private_key_file) or the right user (ansible_user)"
             ),
         )
+
+
+def _methods(said: Iterable[str]) -> list[str]:
+    """Return the ways to log in that a robot names; it may say 256 KiB of anything."""
+    return [one for one in said if _METHOD.fullmatch(one)][:_MOST_METHODS]
+
+
+def _either(methods: Sequence[str], word: str) -> str:
+    return f" {word} ".join(methods) or "what nobody knows"
 
 
 def _public_part(path: str) -> str:

@@ -31,6 +31,10 @@ def _said(kind: bytes, begin: bytes, *texts: bytes) -> paramiko.Message:
 MOMENTS = {
     "key exchange": (common.cMSG_KEXINIT, lambda _: _said(common.cMSG_KEXINIT, b"\0" * 16, NO_TEXT)),
     "login": (common.cMSG_USERAUTH_SUCCESS, lambda _: _said(common.cMSG_USERAUTH_FAILURE, b"", NO_TEXT)),
+    "many words": (
+        common.cMSG_USERAUTH_SUCCESS,
+        lambda _: _said(common.cMSG_USERAUTH_FAILURE, b"", b"hostbased,x," + b"B" * 200_000),
+    ),
     "goodbye": (common.cMSG_USERAUTH_SUCCESS, lambda _: _said(common.cMSG_DISCONNECT, b"\0\0\0\1", NO_TEXT)),
     "session": (
         common.cMSG_CHANNEL_OPEN_SUCCESS,
@@ -61,9 +65,24 @@ class _Sshd(paramiko.Transport):
         super()._send_message(instead(was) if was.startswith(kind) else message)  # type: ignore[misc]
 
 
-@pytest.mark.parametrize("moment", MOMENTS)
+@pytest.mark.parametrize("moment", [one for one in MOMENTS if one != "many words"])
 def test_text_that_is_none_is_one_robot_s_failure(moment: str, tmp_path: Path) -> None:
     """It was raised as it came, and ended the run of all robots as a bug."""
+    words = r"a message of its sshd cannot be read|password; the robot closed"
+    with pytest.raises(TransportError, match=words) as caught:
+        _connect_to(moment, tmp_path)
+    assert caught.value.host == "r1"
+
+
+def test_what_a_robot_wants_for_a_login_is_told_in_short(tmp_path: Path) -> None:
+    """All of it was in the error, for each key that was tried."""
+    with pytest.raises(TransportError, match="the robot wants hostbased or x") as caught:
+        _connect_to("many words", tmp_path)
+    assert len(str(caught.value)) < 1000
+
+
+def _connect_to(moment: str, folder: Path) -> None:
+    """Connect to an sshd that says something odd."""
     server = socket.create_server(("127.0.0.1", 0))
     key = paramiko.ECDSAKey.generate()
 
@@ -79,14 +98,12 @@ def test_text_that_is_none_is_one_robot_s_failure(moment: str, tmp_path: Path) -
             del kept
 
     threading.Thread(target=serve, daemon=True).start()
-    known = tmp_path / "known_hosts"
+    known = folder / "known_hosts"
     known.write_text(f"[127.0.0.1]:{server.getsockname()[1]} {key.get_name()} {key.get_base64()}\n")
-    options = (("userknownhostsfile", str(known)), ("identitiesonly", "yes"), ("identityfile", str(tmp_path / "none")))
+    options = (("userknownhostsfile", str(known)), ("identitiesonly", "yes"), ("identityfile", str(folder / "none")))
     host = Host(
         name="r1", address="127.0.0.1", port=server.getsockname()[1], user="root", password=Secret("x" * 8),
         ssh_options=options,
     )  # fmt: skip
-    words = r"a message of its sshd cannot be read|password; the robot closed"
-    with server, pytest.raises(TransportError, match=words) as caught:
+    with server:
         connect(host, options=ConnectOptions(attempts=1, connect_timeout_s=10))
-    assert caught.value.host == "r1"
