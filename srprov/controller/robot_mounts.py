@@ -17,6 +17,9 @@ MOUNTS = Query(command="cat /proc/self/mountinfo")
 _MOST_LINES = 100_000
 _MOST_LOOKS = 2_000_000
 """At names, for all questions about one robot; a robot has hundreds of mounts, and looks at each about once."""
+_MOST_LAYERS = 501
+"""Of an overlay; source: OVL_MAX_STACK, and the upper one."""
+_LONGEST = 4096
 _MOUNT = re.compile(r"([0-9]+) ([0-9]+) ([0-9]+:[0-9]+) (/\S*) (/\S*) (.*)", re.ASCII)
 """Its number, that of the mount it is on, file system, the place in it, where, and more; source: proc(5)."""
 _LAYERS = re.compile(r"(?:lowerdir\+?|upperdir)=([^,\s]+)")
@@ -48,11 +51,12 @@ class Mounts:
                 if more.startswith("rw") and more.rpartition(" ")[2].startswith("rw")
             }
         )
-        self._layers: dict[str, list[str]] = {}
+        self._layers: dict[str, dict[str, None]] = {}
         """File system of an overlay -> the folders that it shows."""
         for _, _, fs, *_, more in found:
             for some in _LAYERS.findall(more) if " - overlay " in more else ():
-                self._layers.setdefault(fs, []).extend(_plain(one for one in some.split(":") if one.startswith("/")))
+                layers = _plain(one for one in some.split(":") if one.startswith("/"))[:_MOST_LAYERS]
+                self._layers.setdefault(fs, {}).update(dict.fromkeys(one for one in layers if len(one) <= _LONGEST))
         self._looks = 0
 
     def places(self, real: str) -> set[str]:

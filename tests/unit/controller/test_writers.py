@@ -271,10 +271,14 @@ def test_mounts_without_end_are_looked_through_in_time() -> None:
     assert time.monotonic() - began < 10
 
 
+def _layers(n: int) -> str:
+    return ":".join(f"/l/{n}/{one}" for one in range(50))
+
+
 @pytest.mark.parametrize(
     "many",
     [
-        "".join(f"1 0 0:9 / /srv/a/{n} rw - overlay x rw,lowerdir={':'.join(['/l'] * 50)}\n" for n in range(3000)),
+        "".join(f"1 0 0:9 / /srv/a/{n} rw - overlay x rw,lowerdir={_layers(n)}\n" for n in range(3000)),
         "".join(f"1 0 0:9 / /srv/a/{n} rw - overlay x rw,lowerdir={'/l' * 900}\n" for n in range(3000)),
     ],
 )
@@ -285,3 +289,19 @@ def test_layers_without_end_are_the_robot_s_failure(many: str) -> None:
     with pytest.raises(UsageError, match="r1: more is mounted there than can be looked through"):
         checked_by(look, (Path("/srv/a"), False), (Path("/srv/b"), True))
     assert time.monotonic() - began < 10
+
+
+def test_many_paths_are_not_looked_up_in_layers_without_end() -> None:
+    """Each path was compared with each layer of an overlay: minutes, for all robots."""
+    layers = ":".join(f"/{at}{'/a' * 1000}" for at in range(500))
+
+    class Told(Here):
+        def _run(self, command: str) -> Reply:
+            places = "".join(f"{at} /srv/{at}\n8:0 /\n8:1 /srv\n9:{at} /srv/{at}\n" for at in range(200))
+            said = f"1 0 0:1 / / rw - ext4 x rw\n2 1 0:1 / /x rw - overlay o rw,lowerdir={layers}\n"
+            return Reply(status=0, out=said if command == MOUNTS.command else places)
+
+    began = time.process_time()
+    with pytest.raises(UsageError, match="r1: more is mounted there than can be looked through"):
+        checked_by(Told(("sh",)), *((Path(f"/srv/{at}"), at % 2 == 1) for at in range(200)))
+    assert time.process_time() - began < 10
