@@ -23,9 +23,9 @@ from srprov.yamldoc.nodes import Findings, Path, Scalar
 
 _MOST_FILES = 20_000
 _MOST_BYTES = 96 * 1024 * 1024
+"""Of one file or folder that is shipped: it is held in memory, and goes to each robot over SSH. See disk.py."""
 _DEEPEST = 50
 """Folders in each other that are shipped: each file's path is looked at many times, and each time all of it."""
-"""Of one file or folder that is shipped: it is held in memory, and goes to each robot over SSH. See disk.py."""
 _SHIPPED_HINT = f"a file or folder that is shipped holds at most {_MOST_FILES} files and {_MOST_BYTES >> 20} MiB"
 
 
