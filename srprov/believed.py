@@ -96,6 +96,15 @@ def is_out_of_reach(path: str | os.PathLike[str]) -> bool:
     return all(_is_nobody_elses(one, about) for one, about in _on_the_way(path))
 
 
+def is_closed(path: str | os.PathLike[str]) -> bool:
+    """Return whether nobody else can write to a file or folder, or put another one in its place.
+
+    Raises:
+        OSError: It cannot be looked at.
+    """
+    return is_out_of_reach(path) and not others_may_write(path, os.stat(path))
+
+
 def _on_the_way(path: str | os.PathLike[str]) -> Iterator[tuple[str, os.stat_result]]:
     """Yield each folder and link that the kernel goes through to a path, and what is there in the end."""
     at, left, links = "/", [*reversed(Path.cwd().joinpath(path).parts)], 0

@@ -13,7 +13,7 @@ from collections.abc import Collection, Iterator
 
 from msgspec.structs import replace
 
-from srprov.believed import is_out_of_reach
+from srprov.believed import is_closed
 from srprov.codes import Code
 from srprov.data import schema as shipped_schema
 from srprov.definitions import paths, schema, template
@@ -21,7 +21,6 @@ from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, REPLACES, Pla
 from srprov.definitions.template import HOLE
 from srprov.definitions.template_check import check_template, scalar_at
 from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
-from srprov.whose import others_may_write
 from srprov.yamldoc import loader, nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq, Source
 
@@ -76,7 +75,7 @@ def _check_whose(*paths: str) -> None:
     """Refuse (DefinitionError) what others can write: about the user's own playbooks nobody is asked."""
     for path in paths:
         try:
-            theirs = others_may_write(path, os.stat(path)) or not is_out_of_reach(path)
+            theirs = not is_closed(path)
         except OSError:
             continue  # who reads it says so
         if theirs:

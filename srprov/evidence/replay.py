@@ -119,7 +119,7 @@ def unpack(bundle: Bundle, folder: Path) -> None:
         absent = {folder / one for one in data_sets(files, told.home)}
     try:
         _fill(folder, contents, absent)
-        alone = not bundle.signed or all(map(_is_closed, {folder, *(one.parent for one in contents)}))
+        alone = not bundle.signed or all(map(believed.is_closed, {folder, *(one.parent for one in contents)}))
     except OSError as error:
         why = f"{error.filename or folder}: {error.strerror or error}"
         raise UsageError(why, hint="name another folder with -o", code=Code.CANNOT_WRITE) from error
@@ -145,11 +145,6 @@ def _fill(folder: Path, contents: Mapping[Path, bytes], absent: Collection[Path]
             new = Path(f"/proc/self/fd/{opened}", place.relative_to(folder))
             private.make_folder(new.parent)
             private.write_output(str(new), data)
-
-
-def _is_closed(folder: Path) -> bool:
-    """Return whether nobody else can put another folder in a folder's place, nor a file into it."""
-    return believed.is_out_of_reach(folder) and not others_may_write(folder, os.stat(folder))
 
 
 def _in_the_way(folder: Path) -> UsageError:
