@@ -49,8 +49,18 @@ for place in "$@" ''; do
 done
 [ "$place" ] || { say "no folder for a lock: root can write to none of $*"; exit 1; }
 exec 9>>"$place/lock"
+# who only looks holds the lock shared, and for a moment: try again at once, as nobody else can have it then
+lock() {
+    left=20
+    until flock -n 9 2>/dev/null; do
+        flock -sn 9 2>/dev/null || return 1
+        flock -u 9
+        left=$((left - 1))
+        [ "$left" -gt 0 ] || return 1
+    done
+}
 take() {
-    if flock -n 9 2>/dev/null; then
+    if lock; then
         held=1
         umask 022
         printf '%s,"since":"%s"}\n' "${holder%\}}" "$(now)" >"$place/holder.part" &&

@@ -153,23 +153,24 @@ def test_taking_is_one_round_trip(opened: Callable[[], Session]) -> None:
 
 
 def test_looking_does_not_get_in_the_way(opened: Callable[[], Session]) -> None:
-    """While somebody asks all the time who holds the robot, it is taken and given back as if nobody did."""
-    looking, taking = opened(), opened()
-    over = threading.Event()
+    """While two ask all the time who holds the robot, it is taken and given back as if nobody did."""
+    taking, over = opened(), threading.Event()
 
-    def look() -> None:
+    def look(session: Session) -> None:
         while not over.is_set():
-            looking.ask([who_holds()] * 20)
+            session.ask([who_holds()] * 20)
 
-    thread = threading.Thread(target=look, daemon=True)
-    thread.start()
+    threads = [threading.Thread(target=look, args=(opened(),), daemon=True) for _ in range(2)]
+    for thread in threads:
+        thread.start()
     try:
-        for _ in range(10):
+        for _ in range(20):
             with taken(taking):
                 pass
     finally:
         over.set()
-        thread.join(20)
+        for thread in threads:
+            thread.join(20)
 
 
 def test_waiting_gets_it_soon_after_it_is_free(opened: Callable[[], Session]) -> None:

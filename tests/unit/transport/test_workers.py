@@ -67,6 +67,16 @@ def pids(sessions: Sessions) -> list[int]:
     return [one.program.process.pid for one in sessions._workers._workers]
 
 
+def infos_of_sockets(pid: int) -> list[str]:
+    """Return what the kernel tells of a process's sockets. A file that it closes meanwhile is none of them."""
+    infos = []
+    for one in Path(f"/proc/{pid}/fd").iterdir():
+        with contextlib.suppress(FileNotFoundError):
+            if str(one.readlink()).startswith("socket:"):
+                infos.append(Path(f"/proc/{pid}/fdinfo/{one.name}").read_text())
+    return infos
+
+
 def apart(count: int = 2) -> tuple[str, str]:
     """Give the names of two robots that different workers have."""
     names = [f"r{number}" for number in range(20)]
@@ -263,10 +273,8 @@ def test_no_program_that_a_worker_starts_can_keep_its_socket() -> None:
     with sharded(local("r0", "r1")) as sessions:
         sessions.connected()
         for pid in pids(sessions):
-            folder = Path(f"/proc/{pid}/fd")
-            sockets = [one.name for one in folder.iterdir() if str(one.readlink()).startswith("socket:")]
-            flags = [re.search(r"flags:\s+0(\d+)", Path(f"/proc/{pid}/fdinfo/{n}").read_text()) for n in sockets]
-            assert sockets and all(found and int(found[1], 8) & os.O_CLOEXEC for found in flags)
+            flags = [re.search(r"flags:\s+0(\d+)", info) for info in infos_of_sockets(pid)]
+            assert flags and all(found and int(found[1], 8) & os.O_CLOEXEC for found in flags)
 
 
 @as_root
