@@ -14,13 +14,14 @@ from collections import Counter
 from collections.abc import Sequence
 
 from srprov.redaction import MASK
+from srprov.snapshot.short_options import masked_short
 
 LONGEST = 1 << 20
 """Characters of a text that are looked at; of a longer one all is taken for a secret."""
 _PARTS = [
     "password", "passwd", "passphrase", "passcode", "secret", "token", "apikey", "accesskey", "privatekey",
     "credential", "authkey", "encryptionkey", "signingkey", "sessionkey", "sshkey", "cookie", "connectionstring",
-    "webhook", "keytab", "htpasswd"
+    "webhook", "keytab", "htpasswd", "requirepass", "masterauth"
 ]  # fmt: skip
 """Anywhere in a name without its separators."""
 _WORDS = frozenset([
@@ -99,10 +100,10 @@ def masked(text: str) -> str:
 
 
 def masked_words(words: Sequence[str]) -> list[str]:
-    """Return a command's words as `masked` does; also what follows `--password`, or is in one word with it."""
+    """Return a command's words as `masked` does; also what belongs to `--password`, or to `mysql -p`."""
     found: list[str] = []
     follows = False
-    for word in words:
+    for word in masked_short(words):
         found.append(MASK if follows and not word.startswith("-") else _masked_word(word))
         option = re.fullmatch(r"--?([A-Za-z][\w-]{0,80})", word)
         follows = option is not None and secret_name(option[1])

@@ -18,7 +18,7 @@ import pytest
 
 from srprov.definitions.model import Host
 from srprov.errors import AuthError, ConnectError, DeadlineError, HostKeyError, TransportError
-from srprov.session import Session
+from srprov.session import Pulse, Session
 from srprov.transport import ConnectOptions, connect
 from srprov.transport.openssh.sockets import dial
 from srprov.transport.pool import Sessions
@@ -503,6 +503,16 @@ def test_max_sessions_one_is_no_engine_though_sshd_would_forward_to_its_socket(
         reply = opened(make(options={"MaxSessions": "1"})).ask([EngineQuery(path="/version", timeout_s=60)])[0]
     assert (reply.status, reply.ok) == (0, False)
     assert reply.err.startswith("sshd opens no session: ") and "MaxSessions" in reply.err
+
+
+def test_a_connection_that_ended_is_no_matter_of_max_sessions(server: Sshd) -> None:
+    """A hint that does not fit sends the user to the wrong file."""
+    session = connect(server.host(), options=quick())
+    assert isinstance(session, SshSession)
+    session.connection.transport.close()
+    with pytest.raises(ConnectError) as caught:
+        session.open_lock_channel("cat", (), Pulse())
+    assert "the connection ended" in caught.value.hint
 
 
 # --- ssh_config -----------------------------------------------------------------------------------------------------

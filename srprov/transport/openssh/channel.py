@@ -22,6 +22,7 @@ _ANSWER_POLL_S = 0.005
 _LONGEST_WORDS = 256 * 1024
 """Bytes of a complaint, of which the end is shown; a question of sudo comes within them."""
 MORE_SESSIONS = "raise MaxSessions to 6 or more"
+_CONNECTION_ENDED = "the connection ended: run the command again once the robot is back"
 
 
 def start(connection: StrictConnection, command: str, deadline: Deadline, terminal: str = "") -> paramiko.Channel:
@@ -49,7 +50,8 @@ def start(connection: StrictConnection, command: str, deadline: Deadline, termin
             late = f"sshd opened no session within {deadline.seconds:g} s"
             raise DeadlineError(name, late, hint="is the robot overloaded?") from None
         why = getattr(error, "text", error)
-        raise ConnectError(name, f"sshd opens no session: {why}", hint=MORE_SESSIONS, code=Code.SHELL) from None
+        hint = MORE_SESSIONS if transport.is_active() else _CONNECTION_ENDED
+        raise ConnectError(name, f"sshd opens no session: {why}", hint=hint, code=Code.SHELL) from None
     finally:
         timer.cancel()
     return channel
