@@ -10,6 +10,7 @@ import posixpath
 from bisect import bisect_left
 from collections.abc import Callable, Iterable
 
+from srprov.modules.kept_script import TOLD
 from srprov.wire import quote
 
 GRAVE = "docker-socket"
@@ -153,57 +154,6 @@ shows_an_engine() {
 }
 """
 """What an engine keeps may be mounted twice, and then lies below what does not have its name."""
-_TOLD = r"""# where engines keep what they have, by the files that configure them
-told_by_files() {
-  j=$(cat /etc/docker/daemon.json)
-  for k in '"data-root"' '"graph"' '"exec-root"'; do
-    case $j in *"$k"*) d=${j#*"$k"} d=${d#*'"'}; printf '%s\n' "${d%%'"'*}" ;; esac
-  done
-  while case $j in *unix://*) ;; *) false ;; esac; do j=${j#*unix://}; printf '%s\n' "${j%%'"'*}"; done
-  for c in /etc/containerd/config.toml /etc/containers/storage.conf; do
-    [ ! -e $c ] || sed -nE 's/^[ \t]*(root|state|address|graphroot|runroot) *= *"([^"]*)".*/\2/p' $c
-  done
-}
-# the same by the words that they were started with
-told_by_words() {
-  known=' --data-root --graph -g --exec-root --root --state --address -a --host -H '
-  for p in /proc/[0-9]*; do
-    c=
-    read -r c <"$p/comm"
-    case $c in dockerd | containerd | balena* | podman | crio | k3s*) ;; *) continue ;; esac
-    # one in a container keeps other files, and one of another user's nothing that root would serve
-    [ "$p/root/." -ef / ] && [ -O "$p" ] || continue
-    tr '\0' '\n' <"$p/cmdline" | {
-      option=
-      while IFS= read -r w; do
-        [ -z "$option" ] || w=$option=$w
-        option=
-        case $known in
-          *" $w "*) option=$w ;;
-          *" ${w%%=*} "*) w=${w#*=}; printf '%s\n' "${w#unix://}" ;;
-          *) case $w in unix://*) printf '%s\n' "${w#unix://}" ;; esac ;;
-        esac
-      done
-    }
-  done
-}
-# a line for each folder that an overlay shows: its file system, and the folder; those of containers are an engine's
-layers() {
-  while read -r _ _ f _ point more; do
-    case $point in */merged) continue ;; esac
-    case $more in *' - overlay '*) ;; *) continue ;; esac
-    o=${more##* },
-    while [ -n "$o" ]; do
-      one=${o%%,*} o=${o#*,}
-      case $one in lowerdir=/* | lowerdir+=/* | upperdir=/*) one=${one#*=}: ;; *) continue ;; esac
-      while [ -n "$one" ]; do
-        case $one in /*) printf '%s\n' "$f ${one%%:*}" ;; esac
-        one=${one#*:}
-      done
-    done
-  done </proc/self/mountinfo
-}
-"""
 _LOOK = f"""\
 leads_to_no_engine() {{
   p=$1 r=
@@ -226,8 +176,8 @@ _END_OF_KEPT_
   if shows_an_engine "$at"; then echo "$1 shows by a mount what an engine or srprov keeps, or /proc" >&2; exit 1; fi
   unset IFS; set +f
 }}
-{_PLACES}{_TOLD}kept=$(
-  {{ printf '%s\n' {_KEPT}; told_by_files; told_by_words; }} 2>/dev/null | while IFS= read -r e; do
+{_PLACES}{TOLD}kept=$(
+  {{ printf '%s\n' {_KEPT}; told_by_files; told_by_words; told_by_sockets; }} 2>/dev/null | while IFS= read -r e; do
     [ ! -e "$e" ] || readlink -f "$e"
   done
 )

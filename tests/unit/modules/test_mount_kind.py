@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import subprocess
 from pathlib import Path
 
@@ -105,6 +106,26 @@ def test_an_engine_s_folder_is_where_its_words_say(tmp_path: Path, shell: tuple[
         running.communicate(b"\n")
     assert code == 1 and f"lies in {engine}" in said, said
     assert tried(shell, tmp_path / "ssd") == (0, "")
+
+
+@pytest.mark.parametrize("shell", SHELLS, ids=lambda shell: shell[0])
+def test_an_engine_s_socket_is_where_it_listens(tmp_path: Path, shell: tuple[str, ...]) -> None:
+    """A unit of systemd may have opened it elsewhere, and the engine was told `-H fd://`."""
+    place = tmp_path / "odd place/engine.sock"
+    place.parent.mkdir()
+    program = tmp_path / "dockerd"
+    program.symlink_to("/bin/sleep")
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind(str(place))
+        listening.listen()
+        with subprocess.Popen([program, "60"], pass_fds=[listening.fileno()]) as running:
+            try:
+                said = [tried(shell, path) for path in (place, place.parent, tmp_path)]
+                beside = tried(shell, tmp_path / "maps")
+            finally:
+                running.kill()
+    assert all(code == 1 and f"lies in {place}" in why for code, why in said), said
+    assert beside == (0, "")
 
 
 @pytest.mark.parametrize("shell", SHELLS, ids=lambda shell: shell[0])
