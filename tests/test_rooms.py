@@ -62,7 +62,7 @@ ROOMS: Mapping[str, Room] = {
     "image_reference": room(),
     "git_address": room(),
     # Runs git on the controller: what it fetches are files of strangers.
-    "git": room("believed git_address private definitions.program"),
+    "git": room("believed git_address private regular_file definitions.program"),
     "untrusted": room(),
     "robot_answers": room("codes errors untrusted"),
     "yamldoc": room("codes errors regular_file", "yaml"),

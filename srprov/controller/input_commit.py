@@ -1,7 +1,8 @@
 """What a git repository has of an experiment's files: the commit, and which files differ from it.
 
 Takes a `Planned` and its files' contents; asks git for names of objects only, so that no filter, hook or program that
-the repository's settings name is run. A file is compared by the name that git would give to its content.
+the repository's settings name is run. A file is compared by the name that git would give to its content. Git's own
+words are not kept: they repeat lines of whatever file a link of the repository's leads to.
 """
 
 from __future__ import annotations
@@ -14,10 +15,10 @@ from typing import Any
 from srprov.controller.input_files import InputFile
 from srprov.controller.plan import Planned
 from srprov.git import program
-from srprov.git_address import is_commit
+from srprov.git.head import checkout_of
 
 _LOOK_S = 2.0
-"""For each of three calls: a record waits for it."""
+"""A record waits for it."""
 _MOST_LISTED = 32 << 20
 """Bytes of a commit's list of files: some 300,000."""
 _SHA1_DIGITS = 40
@@ -33,15 +34,16 @@ def source_commit(planned: Planned, files: Mapping[str, InputFile]) -> dict[str,
         return None
     experiment = planned.definitions.experiment
     about: dict[str, Any] = {"file": experiment.file}
+    checkout = checkout_of(experiment.folder)
+    if checkout is None:
+        return {**about, "commit": None, "problem": "not a git repository, or none whose commit can be told"}
+    top, commit = checkout
     try:
-        # a folder's name may hold a line feed
-        top = os.fsdecode(_git(experiment.folder, "rev-parse", "--show-toplevel").removesuffix(b"\n"))
-        commit = _git(experiment.folder, "rev-parse", "--verify", "HEAD").decode("ascii").removesuffix("\n")
-        if not is_commit(commit):
-            return {**about, "commit": None, "problem": f"git says '{commit[:80]}' for the commit"}
-        listed = _git(top, "ls-tree", "-r", "-z", "--full-tree", commit)
-    except (program.GitError, ValueError, OSError) as error:
-        return {**about, "commit": None, "problem": str(error)}
+        listed = program.run(
+            ["-C", top, "ls-tree", "-r", "-z", "--full-tree", commit], most=_MOST_LISTED, seconds=_LOOK_S
+        )
+    except (program.GitError, OSError):
+        return {**about, "commit": None, "problem": "git cannot list the files of its commit"}
     there = _objects(listed)
     changed, added = list[str](), list[str]()
     for path, one in sorted(files.items()):
@@ -53,10 +55,6 @@ def source_commit(planned: Planned, files: Mapping[str, InputFile]) -> dict[str,
         elif there[name] != _object(one.content, len(there[name])):
             changed.append(path)
     return {**about, "commit": commit, "dirty": bool(changed or added), "changed": changed, "added": added}
-
-
-def _git(folder: str, *words: str) -> bytes:
-    return program.run(["-C", folder, *words], most=_MOST_LISTED, seconds=_LOOK_S)
 
 
 def _objects(listed: bytes) -> dict[str, str]:

@@ -6,4 +6,5 @@ what it fetched in bare repositories below the user's cache folder. Robots have 
     program     git itself: its environment, its limits, its end
     cache       the bare repositories: resolve, fetch, read
     tree        what a commit holds, and what of it cannot be taken
+    head        the commit of a checkout on this machine, which git is not asked for
 """

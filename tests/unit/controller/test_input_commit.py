@@ -39,6 +39,48 @@ def test_a_commit_is_that_of_the_repository(tmp_path: Path, name: str) -> None:
     assert (found["commit"], found["changed"], found["added"]) == (commit, [], ["y"])
 
 
+def test_no_file_of_this_machine_is_told_by_way_of_a_repository(tmp_path: Path) -> None:
+    commit = committed(tmp_path / "private")
+    (tmp_path / "key").write_text("7e57" * 10 + "\n")
+    leads = {
+        "a list of references": {"HEAD": "ref: refs/heads/x\n", "packed-refs": Path("../../key")},
+        "a reference": {"HEAD": "ref: refs/heads/x\n", "refs/heads/x": Path("../../../../key")},
+        "a folder of references": {"HEAD": "ref: refs/heads/x\n", "refs": Path("../../private/.git/refs")},
+        "HEAD": {"HEAD": Path("../../private/.git/HEAD")},
+        "a path": {"HEAD": "ref: refs/../../../private/.git/refs/heads/master\n"},
+        "borrowed objects": {"HEAD": "0" * 40, "objects/info/alternates": Path("../../../../key")},
+        "shared references": {"HEAD": "ref: refs/heads/master\n", "commondir": str(tmp_path / "private" / ".git")},
+    }
+    for number, files in enumerate(leads.values()):
+        top = tmp_path / str(number)
+        subprocess.run(["git", "init", "-q", str(top)], check=True)
+        for name, content in files.items():
+            path = top / ".git" / name
+            subprocess.run(["rm", "-rf", str(path)], check=True)
+            path.symlink_to(content) if isinstance(content, Path) else path.write_text(content)
+    for name, link in {"file": False, "link": True}.items():
+        (tmp_path / name).mkdir()
+        git, private = tmp_path / name / ".git", tmp_path / "private" / ".git"
+        git.symlink_to(private) if link else git.write_text(f"gitdir: {private}\n")
+    for top in (*map(str, range(len(leads))), "file", "link"):
+        found = repr(source_commit(planned(tmp_path / top), {}))
+        assert commit not in found and "7e57" not in found, top
+        assert "'commit': None" in found, top
+
+
+def test_a_worktree_and_a_submodule_have_their_own_commit(tmp_path: Path) -> None:
+    commit = committed(tmp_path / "main")
+    git = ["git", "-c", "user.name=a", "-c", "user.email=a@b", "-c", "protocol.file.allow=always", "-C"]
+    main, outer, tree = tmp_path / "main", tmp_path / "outer", tmp_path / "w"
+    subprocess.run(["git", "init", "-q", str(outer)], check=True)
+    subprocess.run([*git, str(main), "worktree", "add", "-q", "-b", "other", str(tree)], check=True)
+    subprocess.run([*git, str(outer), "submodule", "--quiet", "add", str(main), "s"], check=True)
+    subprocess.run([*git, str(main), "pack-refs", "--all"], check=True)
+    for folder in (tree, outer / "s", main):
+        found = source_commit(planned(folder), {"x.edf": InputFile(content=b"edf: 1\n")})
+        assert found is not None and (found["commit"], found["changed"], found["added"]) == (commit, [], []), folder
+
+
 def test_a_repository_that_waits_for_a_pipe_is_given_up_soon(tmp_path: Path) -> None:
     committed(tmp_path / "r")
     os.mkfifo(tmp_path / "pipe")

@@ -1,0 +1,82 @@
+"""The commit that a checkout stands on, as its own folder says it.
+
+Takes a folder; gives the checkout's top folder and the commit. Reads files, runs nothing. A `.git` may come with a
+stranger's project: git would follow its links, and its settings, to any file of this machine, and repeat what that
+holds. So HEAD and what it names are read here, by paths without links, and nothing but a commit is taken from them.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+from srprov import regular_file
+from srprov.git_address import is_commit
+
+_MOST = 64 * 1024
+"""Bytes of a reference, and of a checkout's settings."""
+_MOST_PACKED = 32 << 20
+"""Bytes of all references in one file: some 400,000."""
+_MOST_STEPS = 5
+"""From one reference to the next; source: git's own limit."""
+_REFERENCE = re.compile(r"refs(/(?!\.)[^/\x00-\x20\x7f]+)+")
+_WORKTREE = re.compile(r"^[ \t]*worktree[ \t]*=[ \t]*(.+?)[ \t]*$", re.MULTILINE)
+
+
+def checkout_of(folder: str) -> tuple[str, str] | None:
+    """Return the top folder of the checkout that a folder lies in, and its commit; None where neither can be told."""
+    here = Path(os.path.realpath(folder))
+    top = next((one for one in (here, *here.parents) if os.path.lexists(one / ".git")), None)
+    own = _own_folder(top) if top else None
+    if top is None or own is None:
+        return None
+    # a worktree has a HEAD of its own, and the references of the repository that it belongs to
+    shared = own.parents[1] if own.parent.name == "worktrees" else own
+    found = _line(own / "HEAD")
+    for _ in range(_MOST_STEPS):
+        if is_commit(found):
+            return str(top), found
+        word, _, name = found.partition(" ")
+        if word != "ref:" or not _REFERENCE.fullmatch(name.strip()):
+            return None
+        found = _line(shared / name.strip()) or _packed(shared, name.strip())
+    return None
+
+
+def _own_folder(top: Path) -> Path | None:
+    """Return where a checkout's HEAD lies: its `.git`, or the folder that this names and that names it in return.
+
+    Git writes both names into worktrees and submodules. Without the second one any repository could be named.
+    """
+    git = top / ".git"
+    if not git.is_file():
+        return git
+    word, _, named = _line(git).partition(" ")
+    own = Path(os.path.realpath(top / named))
+    if word != "gitdir:" or not named:
+        return None
+    says = _WORKTREE.search(_text(own / "config"))
+    claimed = [own / _line(own / "gitdir"), *([own / says[1] / ".git"] if says else [])]
+    return own if str(git) in map(os.path.realpath, claimed) else None
+
+
+def _packed(shared: Path, name: str) -> str:
+    for line in _text(shared / "packed-refs", _MOST_PACKED).split("\n"):
+        commit, _, named = line.partition(" ")
+        if named == name:
+            return commit
+    return ""
+
+
+def _line(path: Path) -> str:
+    return _text(path).removesuffix("\n")
+
+
+def _text(path: Path, most: int = _MOST) -> str:
+    """Return a file's text; nothing of one that cannot be read, has what no name has, or has a link in its path."""
+    try:
+        text = os.fsdecode(regular_file.read(path, most, real=True))
+    except OSError:
+        return ""
+    return "" if "\0" in text else text
