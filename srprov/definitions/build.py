@@ -22,6 +22,8 @@ from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 ORIGINS = ("base", "image", "dockerfile")
 BUILDING = ("packages", "repositories", "files", "run")
 _PROXIES = ("http_proxy", "https_proxy", "ftp_proxy", "all_proxy", "no_proxy")
+_BUILDERS_OWN = "BUILDKIT_"
+"""BuildKit reads these, declared or not: `BUILDKIT_SYNTAX` names the image that reads the Dockerfile in its place."""
 
 
 class Written(msgspec.Struct, frozen=True, kw_only=True):
@@ -96,6 +98,9 @@ def _args(node: Node | None, declared: frozenset[str], findings: Findings) -> di
         path: Path = ("dockerfile", "args", name)
         if isinstance(node, Seq) and "=" not in given:
             findings.add(value, f"'{name[:60]}' has no value", path, f"write {name[:60]}=value", code=Code.ENVIRONMENT)
+        elif name.upper().startswith(_BUILDERS_OWN):
+            message = f"'{name[:60]}' is a setting of the builder itself, which may be another program by it"
+            findings.add(value, message, path, "give an ARG of your own another name", code=Code.DOCKERFILE)
         elif name in found:
             findings.add(value, f"'{name[:60]}' is given twice", path, code=Code.TWICE)
         elif name not in declared:

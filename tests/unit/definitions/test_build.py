@@ -52,6 +52,14 @@ def test_args_and_target_are_read(here: Path, args: str) -> None:
     assert found.images == ("busybox",), "of the stages up to the target"
 
 
+@pytest.mark.parametrize("name", ["BUILDKIT_SYNTAX", "BUILDKIT_CONTEXT_KEEP_GIT_DIR", "buildkit_syntax"])
+def test_a_setting_of_the_builder_is_no_arg_also_where_the_dockerfile_declares_it(here: Path, name: str) -> None:
+    (here / "docker" / "Dockerfile").write_text(f"ARG {name}\nFROM busybox\n")
+    with pytest.raises(DefinitionError) as error:
+        load_container(_cdf(here, f"dockerfile: {{context: docker, args: {{{name}: evil.example/frontend}}}}"))
+    assert f"'{name}' is a setting of the builder itself" in error.value.problems[0].message
+
+
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
