@@ -173,19 +173,21 @@ def _exported(
                 definitions=replace(source.definitions, experiment=experiment, containers=containers),
                 placed=placed, robots=addresses, profiles=source.every_profile, open=source.open,
                 env_files=_env_files(source), texts=_texts(source), edf=source.file,
-                notes=(*source.definitions.notes, *_granted(source)),
+                notes=(*source.definitions.notes, *_granted(source, experiment)),
                 listing=disk.listing, read=disk.read, shipped=functools.cache(_shipped),
                 checkout=_checkout(containers, source.allowed), lossy=source.lossy,
             )
         )  # fmt: skip
 
 
-def _granted(source: Source) -> Iterator[str]:
-    """Yield a note for each permission that `apply` would ask for: other tools ask for none."""
-    asked = permissions(source.definitions.experiment, source.definitions.containers)
-    for one in (one for one in asked if one.kind not in _NOT_THERE):
+def _granted(source: Source, experiment: Experiment) -> Iterator[str]:
+    """Yield a note for each permission that `apply` would ask for of what is written: other tools ask for none."""
+    of = {name: one.instance_of or name for name, one in experiment.services.items()}
+    asked = permissions(experiment, source.definitions.containers)
+    told = {(of.get(one.service, one.service), one.kind, one.what): None for one in asked if one.kind not in _NOT_THERE}
+    for name, kind, what in told:
         tool = source.tool.capitalize()
-        yield f"{one.service} gets more than its container, and {tool} asks nobody: {one.kind} ({one.what})"
+        yield f"{name} gets more than its container, and {tool} asks nobody: {kind} ({what})"
 
 
 def _tool(name: str) -> Callable[[Wanted], Export]:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from srprov.controller import compose
+from srprov.controller.robots_words import at_home
 from srprov.definitions.expand import expand
 from srprov.errors import DefinitionError, UsageError
 from srprov.exporting.model import Export
@@ -19,6 +21,25 @@ ADDRESSES = {"r1": "192.0.2.1", "r2": "192.0.2.2"}
 def on_robots(edf: Path, placed: Mapping[str, str], addresses: Mapping[str, str] = ADDRESSES) -> Export:
     source = compose.read(str(edf), frozenset(), placed=True)
     return compose.on_robots(source, expand(source.definitions.experiment, {}), placed, addresses)
+
+
+class _Robot:
+    """A robot on which a user's home is where the engine's socket is."""
+
+    def home(self, user: str) -> str:
+        return "/run"
+
+
+def test_what_is_asked_of_nobody_is_told_of_the_paths_that_are_written(tmp_path: Path) -> None:
+    """`~USER` may be any folder there; instances of one service are told once."""
+    text = "services: {a: {image: x, replicas: 2, volumes: ['~pilot/docker.sock:/s']}}"
+    source = compose.read(str(experiment(tmp_path, text)), frozenset(), placed=True)
+    placed = {"a-1": "r1", "a-2": "r2"}
+    facts: Any = dict.fromkeys(("r1", "r2"), _Robot())
+    there = at_home(expand(source.definitions.experiment, {}), placed, facts)
+    made = compose.on_robots(source, there, placed, ADDRESSES)
+    told = [note for note in made.notes if "asks nobody" in note]
+    assert told == ["a gets more than its container, and Compose asks nobody: docker-socket (/run/docker.sock)"]
 
 
 PAIR = """\
