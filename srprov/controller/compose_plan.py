@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from srprov.codes import Code
+from srprov.controller.plan_proof import provers
 from srprov.controller.robot_files import is_record_path
 from srprov.definitions.model import Definitions
 from srprov.errors import DefinitionError, UsageError
@@ -22,18 +23,21 @@ if TYPE_CHECKING:
 
 
 def edf_of(plan: PlanFile, file: str) -> str:
-    """Return the EDF that a plan was made from, beside the plan, or where the plan says, or here.
+    """Return the EDF that a plan was made from: beside the plan, or here, or where it was when this controller planned.
+
+    A plan may come from a stranger. So no path in it is followed, and a file has the plan's own text before it is read
+    as an EDF: what is wrong with one is shown with its lines, and what lies beside it is copied.
 
     Raises:
-        UsageError: It is at none of these places.
+        UsageError: It is at none of these places, or has changed since.
     """
     names = [name for name, text in plan.inputs.items() if "/" not in name and _is_edf(name, text)]
     if not names:
         raise UsageError(f"{file} was made from no EDF", hint="name an EDF, or a plan of one", code=Code.PLAN_MISFIT)
-    written = plan.plan.source.rpartition(":")[2]
-    for path in (os.path.join(os.path.dirname(file), names[0]), names[0], written):
-        if os.path.isfile(path):
-            return path
+    places = [os.path.join(os.path.dirname(file), names[0]), names[0], *(one.edf for one in provers(plan))]
+    for path in filter(os.path.isfile, places):
+        _check_text(plan, names[0], loader.read_text(path), file)
+        return path
     raise UsageError(
         f"the EDF of this plan, {names[0]}, is not there", hint="put the plan beside its EDF", code=Code.PLAN_MISFIT
     )
@@ -58,12 +62,17 @@ def check_same(plan: PlanFile, found: Definitions, file: str) -> None:
     now = {experiment.file: experiment.text, **{path: one.text for path, one in found.containers.items()}}
     texts = {os.path.relpath(path, experiment.folder): text for path, text in now.items()}
     for name, text in sorted(texts.items()):
-        if name in plan.inputs and redact(text) != plan.inputs[name]:
-            raise UsageError(
-                f"{name} has changed since {Path(file).name} was made",
-                hint="plan again, or export the EDF",
-                code=Code.PLAN_MISFIT,
-            )
+        if name in plan.inputs:
+            _check_text(plan, name, text, file)
+
+
+def _check_text(plan: PlanFile, name: str, text: str, file: str) -> None:
+    if redact(text) != plan.inputs[name]:
+        raise UsageError(
+            f"{name} has changed since {Path(file).name} was made",
+            hint="plan again, or export the EDF",
+            code=Code.PLAN_MISFIT,
+        )
 
 
 def addresses_of(plan: PlanFile) -> dict[str, str]:

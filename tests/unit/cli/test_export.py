@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,11 @@ from jsonschema import Draft202012Validator
 
 from srprov import data
 from srprov.cli.main import run
+from srprov.controller.owners import keep, read_owner
+from srprov.controller.plan_proof import proved
 from srprov.facts.document import facts_document
+from srprov.planning.plan import Plan
+from srprov.planning.planfile import PlanFile, dump
 from tests.unit.assignment.worlds import robot
 
 EDF = """\
@@ -100,3 +105,57 @@ def test_what_is_refused_writes_nothing(lab: Path, capsys: pytest.CaptureFixture
 def test_facts_need_an_inventory(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["export", "compose", "e.edf", "--facts", "facts.json", "-o", "out"]) == 5
     assert "name it with -i" in capsys.readouterr().err
+
+
+PRIVATE = """\
+edf: 1
+name: demo
+description: nobody's business
+services:
+  map: {image: busybox, volumes: ["./key:/key"]}
+"""
+
+
+def plan_of(source: Path, inputs: dict[str, str]) -> PlanFile:
+    """Return a plan that places one service, and says that it was made from an EDF."""
+    plan = Plan(instance="demo", source=f"anna@desk:{source}", steps=(), assignment={"map": "r2"})
+    return PlanFile(plan=plan, fingerprints={"r2": {}}, inputs=inputs)
+
+
+@pytest.fixture
+def private(lab: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return an EDF in another folder, with a key beside it."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(lab / "state"))
+    home = lab / "private"
+    home.mkdir()
+    (home / "e.edf").write_text(PRIVATE)
+    (home / "key").write_text("of nobody else\n")
+    (lab / "e.edf").unlink()
+    return home / "e.edf"
+
+
+@pytest.mark.parametrize("tool", ["compose", "swarm", "kubernetes"])
+def test_a_plan_of_a_stranger_names_no_file_that_is_read(
+    private: Path, lab: Path, capsys: pytest.CaptureFixture[str], tool: str
+) -> None:
+    """An EDF elsewhere came with the key beside it into the export, and of any other file lines were shown."""
+    (lab / "netrc").write_text("password: nobody's business\n")
+    for inputs in ({"other.edf": "edf: 1\n"}, {"e.edf": PRIVATE}, {"netrc": "edf: 1\n"}):
+        for source in (private, lab / "netrc"):
+            (lab / "p.json").write_text(dump(plan_of(source, inputs)))
+            assert run(["export", tool, "p.json", "-o", "out"]) == 5
+            told = capsys.readouterr().err
+            assert "nobody" not in told and ("is not there" in told or "netrc has changed since" in told), told
+            assert not (lab / "out").exists()
+
+
+def test_a_plan_that_was_written_here_finds_its_edf(private: Path, lab: Path) -> None:
+    """Where it was by this controller's own word, whatever the plan says."""
+    plan = plan_of(private, {"e.edf": PRIVATE})
+    owner = replace(read_owner("demo", str(private)), source=plan.plan.source)
+    keep(owner)
+    (lab / "p.json").write_text(dump(proved(plan, owner)))
+    assert run(["export", "compose", "p.json", "-o", "out"]) == 0
+    assert services(lab / "out" / "r2" / "compose.yml").keys() == {"map"}
+    private.write_text(PRIVATE.replace("nobody", "somebody"))
+    assert run(["export", "compose", "p.json", "-o", "late"]) == 5
