@@ -60,12 +60,14 @@ def bundle(
     """
     from srprov.cli.runs import homes, run_folder
     from srprov.controller.bundling import known_secrets, signer
+    from srprov.evidence.files import of_run
     from srprov.evidence.make import bundle as make
 
     folder = run_folder(run, homes(None))
-    for name in known_secrets(folder):
-        err(f"note: {name} cannot be read here: nobody looks for its value")
     try:
+        files = of_run(folder)
+        for name in known_secrets(files.path, files.sizes):
+            err(f"note: {name} cannot be read here: nobody looks for its value")
         with _wish(way, inventories, timeout, forks) as images:
             made = make(
                 folder, target, sign=signer(sign, str(target)) if sign else None, no_secret=no_secret, images=images

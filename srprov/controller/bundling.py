@@ -6,7 +6,8 @@ Reads variables and files that an experiment's definitions name, only to look fo
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -23,10 +24,16 @@ from srprov.untrusted import mapping, parse_json, string, strings
 NAMESPACE = "srprov-bundle"
 """What a signature of a bundle's manifest is for."""
 _LARGEST = 64 * regular_file.MIB
+_INPUTS = re.compile(r"sessions/[^/]+/inputs\.json")
 
 
-def known_secrets(folder: Path) -> list[str]:
+def known_secrets(folder: Path, names: Collection[str]) -> list[str]:
     """Let `redact` know the secrets of a run's experiment, and the variables that its services take.
+
+    Args:
+        folder: The run's.
+        names: Its files, none of which is reached by way of a link. No definition elsewhere is read: a folder may come
+            from a stranger, and what is wrong with a definition is told in its own words.
 
     Returns:
         The names of those whose values cannot be read here; commands are not run.
@@ -34,9 +41,9 @@ def known_secrets(folder: Path) -> list[str]:
     Raises:
         UsageError: The folder does not say what was run.
     """
-    sessions = sorted((folder / "sessions").glob("*/inputs.json"), key=lambda path: (len(str(path)), str(path)))
+    sessions = [folder / name for name in names if _INPUTS.fullmatch(name)]
     missing = list[str]()
-    for path in sessions:
+    for path in sorted(sessions, key=lambda path: (len(str(path)), str(path))):
         try:
             given = mapping(parse_json(regular_file.read_text(path, _LARGEST), max_characters=_LARGEST))
             about = mapping(parse_json(regular_file.read_text(path.with_name("environment.json"))))
@@ -45,6 +52,10 @@ def known_secrets(folder: Path) -> list[str]:
                 f"{path} cannot be read: {error}", hint="name the folder of a run of trials", code=Code.NO_FILE
             ) from None
         edf, taken = path.parent / string(given.get("edf")), strings(given.get("variables"))
+        if f"{path.parent.relative_to(folder)}/{string(given.get('edf'))}" not in names:
+            raise UsageError(
+                f"{path} names no EDF that is there", hint="name the folder of a run of trials", code=Code.RECORD
+            )
         missing += [name for name in taken if name not in os.environ]
         try:
             experiment = load_experiment(edf, {**dict.fromkeys(taken, ""), **os.environ}).experiment

@@ -214,6 +214,29 @@ def test_secrets_of_the_experiment_are_looked_for_where_they_come_from(
     assert not (tmp_path / "b.zip").exists()
 
 
+@pytest.mark.parametrize("way", ["../", "/", "link"])
+def test_a_run_of_a_stranger_names_no_definition_elsewhere(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], way: str
+) -> None:
+    """What is wrong with a definition is told in its own words: they were those of any file of the user's."""
+    copy, home = tmp_path / "run", tmp_path / "home"
+    shutil.copytree(run, copy)
+    home.mkdir()
+    (home / "race.edf").write_text("edf: 1\nname: x\nservices: {a: {image: i, restart: nobodys-business}}\n")
+    session = copy / "sessions" / "1"
+    given = json.loads((session / "inputs.json").read_text())
+    if way == "link":
+        shutil.rmtree(session / "inputs")
+        (session / "inputs").symlink_to(home)
+    else:
+        given["edf"] = str(home / "race.edf") if way == "/" else "inputs/../../../../home/race.edf"
+    (session / "inputs.json").write_text(json.dumps(given))
+    assert cli(["bundle", str(copy), "-o", str(tmp_path / "b.zip")]) == 5
+    told = capsys.readouterr().err
+    assert "nobodys-business" not in told
+    assert ("is a link" if way == "link" else "names no EDF that is there") in told
+
+
 @pytest.mark.parametrize(
     ("line", "what"),
     [
