@@ -13,6 +13,7 @@ from msgspec.structs import replace
 from srprov.conversion import discovery, robots
 from srprov.conversion.experiment import Draft, convert
 from srprov.conversion.project import Choices, Machine, instance_name
+from srprov.importing.named import check_named
 from srprov.importing.normal import Normal
 from srprov.importing.read import normalise
 
@@ -34,9 +35,10 @@ def draft(wanted: Wanted) -> Draft:
     """Return the experiment that Compose files describe.
 
     Raises:
-        Refused: A file is refused by Compose, or cannot be read.
+        Refused: A file is refused by Compose, cannot be read, or is a link that leads elsewhere.
         DefinitionError: The map of robots is wrong.
     """
+    check_named([*wanted.files, *wanted.env_files, *filter(None, [wanted.robot_map])])
     grouped = robots.by_robot(wanted.robot_map, wanted.files) if wanted.robot_map else {"": list(wanted.files)}
     machines = [_machine(files, robot, wanted) for robot, files in grouped.items()]
     network: dict[str, Any] = {}

@@ -12,6 +12,7 @@ from srprov.conversion.kept import Kept
 from srprov.conversion.notes import Finding
 from srprov.conversion.project import Choices, Machine, instance_name
 from srprov.importing import swarmrob
+from srprov.importing.named import check_named
 
 
 def draft(files: Sequence[str], folder: str, settings: Mapping[str, str], name: str = "") -> Draft:
@@ -20,6 +21,7 @@ def draft(files: Sequence[str], folder: str, settings: Mapping[str, str], name: 
     Raises:
         Refused: With everything that is wrong.
     """
+    check_named(files)
     found = swarmrob.read(files, settings, name)
     machine = Machine(found.normal, found.folders)
     made = convert([machine], instance_name(str(found.normal.document["name"])), Choices(), os.path.abspath(folder))

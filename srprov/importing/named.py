@@ -1,0 +1,35 @@
+"""Files that a user names for an import: where a name lies, what it leads to must lie too. Looks at the file system.
+
+A project may come from a stranger, who decides what a name in it leads to. Lines of the files are shown where something
+is wrong with them, and what lies beside them is copied into the experiment.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+
+from srprov.codes import Code
+from srprov.definitions.paths import inside
+from srprov.errors import Diagnostic
+from srprov.importing.normal import Refused
+from srprov.importing.position import Position
+
+
+def check_named(files: Sequence[str]) -> None:
+    """Refuse files that links lead out of the folder in which they are named.
+
+    Of several files, that is the outermost folder of one that also holds the other by its name: a link to a folder in
+    a project leads out of it as well.
+
+    Raises:
+        Refused: One of them is such a file.
+    """
+    folders = sorted({os.path.dirname(os.path.abspath(one)) for one in files}, key=len)
+    for one in files:
+        path = os.path.abspath(one)
+        around = next(folder for folder in folders if path.startswith(f"{folder.rstrip('/')}/"))
+        if not inside(path, around):
+            message = "a link leads out of the folder in which it is named, and is not followed"
+            hint = f"if you mean what it leads to, name that: {os.path.realpath(path)}"
+            raise Refused([Diagnostic(Position(one), message, hint=hint, code=Code.OUTSIDE)])

@@ -1,0 +1,70 @@
+"""Names in a stranger's project that lead to files of the user's: no import follows them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from srprov.cli.main import run
+
+CANARY = "nobodys-business"
+COMPOSE = "services: {a: {image: x, environment: {A: '${A}'}}}\n"
+SWARMROB = "version: '1'\nservices: {a: {image: private}}\n"
+
+
+@pytest.fixture
+def private(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a folder of the user's, beside the project, which is the current one."""
+    monkeypatch.chdir(tmp_path)
+    away = tmp_path / "home" / "private"
+    away.mkdir(parents=True)
+    for name, text in {
+        "Dockerfile": "FROM busybox\n",
+        "key": CANARY,
+        "notes.yml": f"{CANARY}: 1\n",
+        "vars.env": f"A={CANARY}\n",
+        "more.yml": "services: {a: {image: x}}\n",
+    }.items():
+        (away / name).write_text(text)
+    project = tmp_path / "project"
+    project.mkdir()
+    (project / "compose.yml").write_text(COMPOSE)
+    (project / "swarm.yml").write_text(SWARMROB)
+    (project / "built").symlink_to(away)
+    (project / "Dockerfile").symlink_to(away / "Dockerfile")
+    for name in ("notes.yml", "vars.env", "more.yml"):
+        (project / name).symlink_to(away / name)
+    return away
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("compose", "project/notes.yml"),
+        ("compose", "project/compose.yml", "--set", "A=1", "project/more.yml"),
+        ("compose", "project/compose.yml", "--set", "A=1", "project/built/more.yml"),
+        ("compose", "project/compose.yml", "--env-file", "project/vars.env"),
+        ("compose", "project/compose.yml", "--set", "A=1", "--robot-map", "project/notes.yml"),
+        ("swarmrob", "project/notes.yml"),
+        ("swarmrob", "project/swarm.yml", "project/Dockerfile"),
+        ("swarmrob", "project/swarm.yml", "project/built/Dockerfile"),
+        ("swarmrob", "project/built/Dockerfile", "project/swarm.yml"),
+    ],
+)
+def test_a_link_in_a_project_is_not_followed_out_of_it(
+    private: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+) -> None:
+    """Its lines were shown, or all that lies beside it was copied into the experiment."""
+    assert run(["import", *words, "-o", "out"]) == 5
+    told = capsys.readouterr()
+    assert f"name that: {private}/" in told.err and CANARY not in told.out + told.err
+    assert not Path("out").exists()
+
+
+def test_what_the_user_names_himself_is_read(private: Path) -> None:
+    """So is a link that leads to another file of its folder."""
+    Path("project/now.yml").symlink_to("compose.yml")
+    assert run(["import", "compose", "project/now.yml", "--env-file", f"{private}/vars.env", "-o", "one"]) == 0
+    assert CANARY in Path("one/experiment.edf").read_text()
+    assert run(["import", "swarmrob", "project/swarm.yml", f"{private}/Dockerfile", "-o", "two"]) == 0
