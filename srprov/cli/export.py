@@ -13,6 +13,7 @@ from msgspec.structs import replace
 
 from srprov.cli import fork_options, inputs, options
 from srprov.cli.output import counted, err, out, out_json
+from srprov.cli.output_options import no_link
 from srprov.cli.stored_facts import FACTS, stored_facts
 from srprov.codes import Code
 from srprov.controller.request import PlanRequest
@@ -27,7 +28,7 @@ _F = TypeVar("_F", bound=Callable[..., object])
 _ROBOTS = click.option("-i", "--inventory", "inventories", multiple=True, metavar="FILE",
                        help="Inventory, may be repeated; a PLAN needs none.")  # fmt: skip
 _FOLDER = click.option("-o", "--out", "target", type=click.Path(path_type=Path), required=True, metavar="DIR",
-                       help="A folder that is new or empty.")  # fmt: skip
+                       callback=no_link, help="A folder that is new or empty.")  # fmt: skip
 
 
 def _for_cluster(engine: str) -> Callable[[_F], _F]:

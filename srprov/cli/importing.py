@@ -10,6 +10,7 @@ import click
 from srprov import names
 from srprov.cli.codes import USAGE
 from srprov.cli.output import counted, err, out, out_json
+from srprov.cli.output_options import no_link
 from srprov.codes import Code
 from srprov.errors import UsageError
 
@@ -46,7 +47,8 @@ def _common(command: _F) -> _F:
         click.option("--strict", is_flag=True, help="Fail when a key would be dropped."),
         click.option("--format", "form", type=click.Choice(["text", "markdown", "json", "sarif"]), default="text",
                      show_default=True, help="How the report is shown."),
-        click.option("-o", "--out", "target", required=True, metavar="DIR", help="New or empty folder to write."),
+        click.option("-o", "--out", "target", required=True, metavar="DIR", callback=no_link,
+                     help="New or empty folder to write."),
     )  # fmt: skip
     for option in reversed(options):
         command = option(command)

@@ -11,13 +11,16 @@ import click
 
 from srprov import private
 from srprov.cli.output import err, out
+from srprov.cli.output_options import no_link
 from srprov.codes import Code
 from srprov.errors import UsageError, visible
 from srprov.wire import sh
 
 
 @click.command()
-@click.argument("folder", metavar="[DIR]", default=".", type=click.Path(file_okay=False, path_type=Path))
+@click.argument(
+    "folder", metavar="[DIR]", default=".", type=click.Path(file_okay=False, path_type=Path), callback=no_link
+)
 @click.option("--example", default="", metavar="NAME", help="Instead, one of the examples that come with srprov.")
 def init(folder: Path, example: str) -> int:
     """Write a new experiment into DIR (default: here): an EDF, a CDF with its script, an inventory, a .gitignore.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Callable
 from typing import Any, TextIO, TypeVar
 
@@ -10,8 +11,11 @@ import click
 
 from srprov import private
 from srprov.cli.output import err
+from srprov.codes import Code
+from srprov.errors import UsageError
 
 _F = TypeVar("_F", bound=Callable[..., Any])
+_T = TypeVar("_T")
 
 
 def _flag(name: str, *flags: str, text: str) -> Callable[[_F], _F]:
@@ -91,3 +95,14 @@ def writable(_context: click.Context, _option: click.Parameter, path: str | None
     except OSError as error:
         raise click.BadParameter(f"cannot write {path}: {error.strerror}") from None
     return path
+
+
+def no_link(_context: click.Context, _option: click.Parameter, folder: _T) -> _T:
+    """Refuse a link in the place of a folder that is filled: with a project that was cloned come links of a stranger's.
+
+    However it is written: `DIR/` and `DIR/.` are what the link leads to for the kernel.
+    """
+    if os.path.islink(os.path.abspath(str(folder))):
+        hint = "name the folder itself, or a new one"
+        raise UsageError(f"{folder} is a link, and nothing is written by way of it", hint=hint, code=Code.STRANGE_FILE)
+    return folder

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 @options.locking
 @options.planning
 @click.option("-o", "--out", "target", type=click.Path(file_okay=False, path_type=Path), required=True, metavar="DIR",
+              callback=output_options.no_link,
               help="A new folder: the bundle's definitions go to DIR/experiment, the run to DIR/run.")  # fmt: skip
 @click.option("--map", "pairs", multiple=True, metavar="OLD=NEW",
               help="NEW of the inventory does the part of OLD in the bundle; may be repeated. Others keep their "

@@ -11,6 +11,7 @@ import click
 from srprov import names
 from srprov.cli import inputs, options
 from srprov.cli.output import counted, out, out_json, tell_unreachable
+from srprov.cli.output_options import no_link
 from srprov.errors import visible
 
 
@@ -19,6 +20,7 @@ from srprov.errors import visible
 @options.robots
 @click.option(
     "-o", "--out", "target", type=click.Path(file_okay=False, path_type=Path), required=True, metavar="DIR",
+    callback=no_link,
     help="The folder that is written; it must not be there yet, or be empty.",
 )  # fmt: skip
 @options.INSTANCE

@@ -1,0 +1,45 @@
+"""Folders that verbs fill: a link of a stranger's, in a project that was cloned, leads nothing elsewhere."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from srprov.cli.main import run
+
+INVENTORY = ("-i", "inv.yml")
+
+
+@pytest.mark.parametrize("written", ["out", "out/", "out/.", "./out", "sub/../out"])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("export", "compose", "e.edf", "-o"),
+        ("export", "swarm", "e.edf", *INVENTORY, "-o"),
+        ("export", "kubernetes", "e.edf", *INVENTORY, "-o"),
+        ("import", "compose", "compose.yml", "-o"),
+        ("import", "swarmrob", "swarm.yml", "-o"),
+        ("init",),
+        ("replay", "b.zip", *INVENTORY, "-o"),
+        ("snapshot", "r1", *INVENTORY, "-o"),
+    ],
+)
+def test_a_link_in_the_place_of_a_new_folder_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+    words: tuple[str, ...], written: str,
+) -> None:  # fmt: skip
+    """It led to a folder of the user's that was empty, and the files were written there."""
+    project, away = tmp_path / "project", tmp_path / "away"
+    for folder in (project / "sub", away):
+        folder.mkdir(parents=True)
+    (project / "e.edf").write_text("edf: 1\nname: x\nservices: {a: {image: busybox}}\n")
+    (project / "compose.yml").write_text("services: {a: {image: busybox}}\n")
+    (project / "swarm.yml").write_text("version: '1'\nservices: {a: {image: busybox}}\n")
+    (project / "inv.yml").write_text("all: {hosts: {r1: {}}}\n")
+    (project / "b.zip").write_text("")
+    (project / "out").symlink_to(away)
+    monkeypatch.chdir(project)
+    assert run([*words, written]) == 5
+    assert "is a link" in capsys.readouterr().err
+    assert list(away.iterdir()) == []
