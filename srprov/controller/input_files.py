@@ -41,14 +41,17 @@ class InputFile(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def reader_files(planned: Planned) -> dict[str, InputFile]:
-    """Return what lies beside the EDF for whoever gets the experiment: its license, and how it is cited."""
+    """Return what lies beside the EDF for whoever gets the experiment: its license, and how it is cited.
+
+    The EDF names none of them, so nobody is asked: a link may lead to any file of the controller, and is none of them.
+    """
     found: dict[str, InputFile] = {}
     if planned.definitions is None:
         return found
     folder = planned.definitions.experiment.folder
     for name in FOR_READERS:
         try:
-            content = regular_file.read(os.path.join(folder, name), _LARGEST_TEXT)
+            content = regular_file.read(os.path.join(os.path.realpath(folder), name), _LARGEST_TEXT, real=True)
             found[name] = InputFile(content=content, for_readers=True)
         except OSError:  # most experiments have none of them
             continue
@@ -69,7 +72,9 @@ def definition_files(planned: Planned) -> dict[str, InputFile]:
     found = {path: InputFile(content=text.encode("utf-8", "surrogateescape")) for path, text in known.items()}
     for path in {*experiment.files, lock_path(experiment.file)} - known.keys():
         try:
-            found[path] = InputFile(content=regular_file.read(path, _LARGEST))
+            # each was looked at: a link that leads to it now was put there since
+            place = os.path.join(os.path.realpath(os.path.dirname(path)), os.path.basename(path))
+            found[path] = InputFile(content=regular_file.read(place, _LARGEST, real=True))
         except OSError:  # a lock need not be there, and of the others the plan has what was in them
             continue
     return {os.path.relpath(path, experiment.folder): one for path, one in sorted(found.items())}

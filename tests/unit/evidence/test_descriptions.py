@@ -87,6 +87,20 @@ def test_a_bundle_is_cited_by_its_authors(papered: Told) -> None:
     assert "SPDX-License-Identifier: CC-BY-4.0" in citation.license_text(papered).decode()
 
 
+@pytest.mark.parametrize("inside", [False, True])
+def test_a_license_that_is_a_link_is_none(tmp_path: Path, inside: bool) -> None:
+    """A stranger's experiment led it to a file of the user's, or to a clone's settings with a token in them."""
+    edf = write_experiment(tmp_path / "experiment", {**FILES, ".git/config": "nobodys-business\n"})
+    (tmp_path / "key").write_text("nobodys-business\n")
+    names = ("LICENSE", "LICENSE.txt", "LICENSE.md", "COPYING", "CITATION.cff")
+    for name in names:
+        (edf.parent / name).symlink_to(edf.parent / ".git" / "config" if inside else tmp_path / "key")
+    run = run_folder(tmp_path / "run", edf)
+    bundle(run, tmp_path / "b.zip")
+    every = [*unpacked(tmp_path / "b.zip").values(), *(one.read_bytes() for one in run.rglob("*") if one.is_file())]
+    assert b"nobodys-business" not in b"".join(every)
+
+
 def test_the_experiments_own_license_and_citation_are_taken_as_they_are(tmp_path: Path) -> None:
     own = {"COPYING": "Do what you like.\n", "CITATION.cff": "cff-version: 1.2.0\ntitle: Race\n"}
     run = run_folder(tmp_path / "run", write_experiment(tmp_path / "experiment", {**FILES, **own}))
