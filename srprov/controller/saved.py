@@ -144,8 +144,9 @@ def _check_networks(wants: tuple[Resource, ...], instance: str, snapshot: Snapsh
     """Hold the overlay of a plan file to what an EDF's is held to: nothing on a robot may have its subnet or VNI."""
     record = read_record(looking(snapshot, instance)[0].placements.get(instance))
     overlays = [want.params for want in wants if isinstance(want.params, NetworkParams)]
+    members = {want.host for want in wants if isinstance(want.params, NetworkParams)}
     for subnet, vni, port in sorted({(one.subnet, one.vni, one.port) for one in overlays}):
-        identify(instance, NetworkSettings(subnet=subnet, vni=vni, port=port), snapshot, record)
+        identify(instance, NetworkSettings(subnet=subnet, vni=vni, port=port), snapshot, record, members)
 
 
 def _derived(

@@ -7,7 +7,7 @@ right shape counts as nothing.
 from __future__ import annotations
 
 import bisect
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from ipaddress import IPv4Network, IPv6Network, ip_network
 
 import msgspec
@@ -50,10 +50,18 @@ def foreign_uses(
     for robot, things in sorted(snapshot.observed.items()):
         for thing in things:
             if "subnet" in thing.state and thing.instance != instance:
-                where = f"network '{thing.name}' on {robot}"
-                yield _of_another(where, thing.state.get("subnet"), thing.state.get("vni"), thing.state.get("port"))
+                yield _of_network(robot, thing.name, thing.state)
     for robot, facts in sorted(snapshot.facts.items()):
         yield from _on_robot(robot, facts, names, ours)
+
+
+def of_robot(robot: str, instance: str, names: tuple[str, str], snapshot: Snapshot) -> Iterator[ForeignUse]:
+    """Return what a robot itself says that others have on it; its placement records are about all robots."""
+    for thing in snapshot.observed.get(robot, ()):
+        if "subnet" in thing.state and thing.instance != instance:
+            yield _of_network(robot, thing.name, thing.state)
+    if robot in snapshot.facts:
+        yield from _on_robot(robot, snapshot.facts[robot], names, None)
 
 
 class Ranges:
@@ -127,6 +135,10 @@ def lifelines(facts: HostFacts, names: tuple[str, str]) -> Iterator[IPv4Network]
     for text in (facts.underlay_address, *facts.relies_on, *own):
         if (address := to_network(text)) is not None:
             yield address
+
+
+def _of_network(robot: str, name: str, state: Mapping[str, object]) -> ForeignUse:
+    return _of_another(f"network '{name}' on {robot}", *(state.get(key) for key in ("subnet", "vni", "port")))
 
 
 def _of_another(where: str, subnet: object, vni: object, port: object) -> ForeignUse:

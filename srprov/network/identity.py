@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from ipaddress import IPv4Network
 from typing import TypeGuard, TypeVar
 
@@ -22,7 +22,8 @@ from srprov.codes import Code
 from srprov.definitions.model import NetworkSettings
 from srprov.errors import UsageError
 from srprov.facts.model import Snapshot
-from srprov.network.foreign import LARGEST, ForeignUse, Ranges, foreign_uses, lifelines, overlap, routes_of, to_network
+from srprov.network.claims import Claims
+from srprov.network.foreign import LARGEST, ForeignUse, Ranges, foreign_uses, overlap, to_network
 from srprov.network.record import PlacementRecord
 
 POOL = IPv4Network("10.128.0.0/9")
@@ -81,7 +82,11 @@ def is_for_overlays(subnet: str) -> bool:
 
 
 def identify(
-    instance: str, settings: NetworkSettings, snapshot: Snapshot, record: PlacementRecord | None = None
+    instance: str,
+    settings: NetworkSettings,
+    snapshot: Snapshot,
+    record: PlacementRecord | None = None,
+    members: Collection[str] | None = None,
 ) -> InstanceIdentity:
     """Return the identity of an instance's overlay.
 
@@ -90,13 +95,16 @@ def identify(
         settings: What the EDF asks for.
         snapshot: All robots as they are; what others use is avoided, also where this instance runs nothing (yet).
         record: The last placement of this instance, if any robot holds one.
+        members: The robots that the overlay is to be on; None: all.
 
     Raises:
         UsageError: A wish that makes no sense or that something else on a robot has, or nothing is left to choose.
     """
     bridge, link = link_names(instance)
     _check_names(instance, (bridge, link), snapshot)
-    ours, vni = _in_use(instance, (bridge, link), snapshot, record or PlacementRecord())
+    on = snapshot.facts.keys() if members is None else snapshot.facts.keys() & {*members}
+    claims = Claims(instance, (bridge, link), snapshot, sorted(on))
+    ours, vni = _in_use(claims, settings.port, record or PlacementRecord())
     foreign = tuple(foreign_uses(instance, (bridge, link), snapshot, ours))
     return InstanceIdentity(
         instance=instance,
@@ -159,37 +167,30 @@ def _subnet(
     )
 
 
-def _in_use(
-    instance: str, names: tuple[str, str], snapshot: Snapshot, record: PlacementRecord
-) -> tuple[IPv4Network | None, int]:
+def _in_use(claims: Claims, port: int, record: PlacementRecord) -> tuple[IPv4Network | None, int]:
     """Return the subnet and VNI that the instance has now: by most of its Docker networks, else by the last placement.
 
     What robots say is untrusted: a subnet that would swallow an address that some robot has or relies on, and a VNI
-    out of range, are not used. Nor is a subnet that only a record knows, where some robot routes it elsewhere.
+    out of range, are not used. Nor is what a robot that gets the overlay does not have yet, and says that others have
+    there: another robot's word would lead its packets into the overlay, or let that robot send into another one.
     """
-    states = [
-        thing.state
-        for things in snapshot.observed.values()
-        for thing in things
-        if "subnet" in thing.state and thing.instance == instance
-    ]
-    kept = [network for facts in snapshot.facts.values() for network in lifelines(facts, names)]
-    if not states:
-        kept += [network for facts in snapshot.facts.values() for network in routes_of(facts, names)]
-    away = Ranges(kept)
-    subnets = [
-        network
-        for text in ([state.get("subnet") for state in states] or [record.subnet])
-        if _fits(network := to_network(text)) and not away.meet(network)
-    ]
-    vnis = [v for v in ([state.get("vni") for state in states] or [record.vni]) if isinstance(v, int) and _is_vni(v)]
-    return _most_frequent(subnets), _most_frequent(vnis) or 0
+    away, subnets, vnis = claims.lifelines(), claims.subnets(), claims.vnis()
+    if not claims.made:
+        subnets, vnis = {record.subnet: 1}, {record.vni: 1}
+    networks = Counter[IPv4Network]()
+    for text, count in subnets.items():
+        if _fits(network := to_network(text)) and not away.meet(network) and not claims.routed_elsewhere(network):
+            networks[network] += count
+    numbers = {one: count for one, count in vnis.items() if _is_vni(one) and not claims.has_vni(one, port)}
+    return _most_frequent(networks, to_network(record.subnet)), _most_frequent(numbers, record.vni) or 0
 
 
-def _most_frequent(values: Sequence[_T]) -> _T | None:
-    """Return the most frequent value, the smallest of several; robots differ only when a change was interrupted."""
-    counts = Counter(values)
-    return min(counts, key=lambda value: (-counts[value], value), default=None)
+def _most_frequent(counts: Mapping[_T, int], before: _T | None) -> _T | None:
+    """Return the most frequent value, of several that of the last placement, else the smallest.
+
+    Robots differ only when a change was interrupted, or one of them lies.
+    """
+    return min(counts, key=lambda value: (-counts[value], value != before, value), default=None)
 
 
 def _check_names(instance: str, names: tuple[str, str], snapshot: Snapshot) -> None:

@@ -57,7 +57,7 @@ def layout(
     if not on_overlay:
         return _named(instance, experiment, placed, underlays, {})
     _check_vteps(members, vteps, snapshot, persist=experiment.network.persist)
-    identity = identify(instance, experiment.network, snapshot, record)
+    identity = identify(instance, experiment.network, snapshot, record, members)
     given = allocate(instance, identity.subnet, on_overlay, members, record)
     macs, bridges = _macs(instance, experiment, given.macs, vteps)
     plain = replace(

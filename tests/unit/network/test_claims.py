@@ -1,0 +1,58 @@
+"""What one robot says that an instance has, against what another one says of itself."""
+
+from __future__ import annotations
+
+import pytest
+from msgspec.structs import replace
+
+from srprov.definitions.model import NetworkSettings
+from srprov.errors import UsageError
+from srprov.facts.model import Link
+from srprov.network.identity import identify
+from srprov.network.record import PlacementRecord
+from tests.unit.assignment.worlds import found, robot
+from tests.unit.network.test_identity import HELLO, NO_WISH, network
+
+BETA = {"r2": (network("beta", subnet="10.130.0.0/20", vni=77, port=4789),)}
+
+
+def test_another_robot_s_word_gives_no_robot_a_vni_that_others_have_there() -> None:
+    """Its filter would let the robot that lies send into an overlay that it is no member of."""
+    lie = network("hello", subnet="10.140.16.0/20", vni=77, port=4789)
+    link = Link(name="srpvff92b3f2", kind="vxlan", vni=77, port=4789, alias="srprov:beta")
+    theirs = (found(robot("r1"), robot("r2"), observed=BETA), found(robot("r1"), robot("r2", links=(link,))))
+    for there in theirs:
+        lying = replace(there, observed={**there.observed, "r1": (lie,)})
+        assert identify("hello", NO_WISH, lying).vni == HELLO.vni
+        assert identify("hello", NO_WISH, lying, members=["r1"]).vni == 77, "r2 gets nothing of it"
+        assert identify("hello", NO_WISH, there, PlacementRecord(vni=77)).vni == HELLO.vni
+    assert identify("hello", NetworkSettings(port=8472), lying).vni == 77, "another port is another overlay"
+
+
+def test_another_robot_s_word_gives_no_robot_a_subnet_that_it_routes_elsewhere() -> None:
+    lie = network("hello", subnet="10.200.0.0/20", vni=1234567, port=4789)
+    for facts in ({"routes": ("10.200.0.0/16",)}, {"links": (Link(name="tun0", addresses=("10.200.9.1/24",)),)}):
+        there = found(robot("r1"), robot("r2", **facts), observed={"r1": (lie,)})
+        assert identify("hello", NO_WISH, there).subnet == HELLO.subnet
+        with pytest.raises(UsageError, match=r"10\.200\.0\.0/20 overlaps .* on r2"):
+            identify("hello", NetworkSettings(subnet="10.200.0.0/20"), there)
+    theirs = found(robot("r1"), robot("r2"), observed={**BETA, "r1": (network("hello", subnet="10.130.0.0/20"),)})
+    assert identify("hello", NO_WISH, theirs).subnet == HELLO.subnet
+
+
+def test_what_a_robot_has_stays_though_a_route_came_later() -> None:
+    used = network("hello", subnet="10.200.0.0/20", vni=1234567, port=4789)
+    there = found(robot("r1", routes=("10.200.0.0/16",)), observed={"r1": (used,)})
+    assert str(identify("hello", NO_WISH, there).subnet) == "10.200.0.0/20"
+
+
+def test_a_robot_has_one_voice_however_many_networks_it_tells_of() -> None:
+    truth, lie = (network("hello", subnet=f"10.{two}.0.0/20", vni=two, port=4789) for two in (200, 130))
+    there = found(*map(robot, ("r1", "r2", "r3")), observed={"r1": (truth,), "r2": (truth,), "r3": (lie,) * 9})
+    record = PlacementRecord(subnet="10.200.0.0/20", vni=200)
+    identity = identify("hello", NO_WISH, there)
+    assert (identity.vni, str(identity.subnet)) == (200, "10.200.0.0/20")
+    two = replace(there, observed={"r1": (truth,), "r3": (lie,) * 9})
+    identity = identify("hello", NO_WISH, two, record)
+    assert (identity.vni, str(identity.subnet)) == (200, "10.200.0.0/20"), "of two, the one that was last"
+    assert identify("hello", NO_WISH, two, members=["r1"]).vni == 200, "r3 gets nothing of it"
