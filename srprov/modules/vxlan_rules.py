@@ -1,8 +1,9 @@
 """The rules that close an overlay, as scripts for nftables, or for iptables where nft does not work. Pure.
 
-With nftables, what is let in is marked, and what comes out of the VXLAN link without the mark is dropped. So a packet
-that hides what it is from the rules (in a header that they do not read, or behind the first segment of a large one) is
-dropped too. iptables cannot see what comes out of the link, so there what must not come in is dropped by name.
+With nftables, what is let in is marked with its VNI, and what comes out of the VXLAN link without that mark is dropped.
+So a packet that hides what it is from the rules (in a header that they do not read, or behind the first segment of a
+large one, which may be let in for another instance) is dropped too. iptables cannot see what comes out of the link, so
+there what must not come in is dropped by name.
 
 Of a packet that a robot lets in, the source port says that the kernel or root sent it: links send from `SOURCE_PORTS`
 (`vxlan.py`), which other users of a robot cannot take. Packets from such ports that only pass through a robot, as from
@@ -21,8 +22,9 @@ from srprov.wire import quote
 
 SOURCE_PORTS = (768, 1023)
 """First and last: privileged ones, above those that services have."""
-MARK = 0x1000
-"""The bit of a packet's mark that says that it was let in; cleared again at the bridge."""
+MARK = 0x53000000
+"""A packet that was let in has this and the VNI as its mark, until the bridge; one for all would let a member of any
+instance into each of them."""
 NFTABLES, IPTABLES = "nftables", "iptables"
 _END = "_END_OF_RULES_"
 _FAILED = "the overlay cannot be closed: neither nft nor iptables works here; apt-get install nftables"
@@ -90,7 +92,8 @@ def _nft(rules: Filter) -> str:
     ip, peers = "ip6" if rules.six else "ip", f"{{ {', '.join(rules.peers)} }}"
     through = f"udp sport < 1024 udp dport {rules.port} {ip} daddr {peers}"
     ours = f"udp sport {low}-{high} udp dport {rules.port} @th,96,24 {rules.vni} {ip} saddr {peers}"
-    let_in = f"counter meta mark set meta mark or {MARK:#x}"
+    mark = f"{MARK | rules.vni:#x}"
+    let_in = f"counter meta mark set {mark}"
     out = f'iifname "{rules.name}"'
     chains = [
         ("inet", "through", "forward priority -300", [
@@ -103,8 +106,8 @@ def _nft(rules: Filter) -> str:
             f"{ours} fib saddr . iif oif exists {let_in}",
         ] if rules.peers else []),
         ("bridge", "unpacked", "prerouting priority -300", [
-            f"{out} meta mark and {MARK:#x} != {MARK:#x} counter drop",
-            f"{out} meta mark set meta mark and {0xFFFFFFFF ^ MARK:#x}",
+            f"{out} meta mark != {mark} counter drop",
+            f"{out} meta mark set 0x0",
         ]),
     ]  # fmt: skip
     label = _labels(rules, sum(len(lines) for *_, lines in chains))

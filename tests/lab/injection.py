@@ -39,8 +39,11 @@ def plain(word, source, *targets):
     for to in targets:
         link.send(frame(f"{word} {to}", source, to))
 
-def udp(who, source, vni, port, targets, ways):
-    """Send it in VXLAN to each target: from any port or a low one, alone or as a second segment of one packet."""
+def udp(who, source, vni, port, targets, ways, first="1"):
+    """Send it in VXLAN to each target: from any port or a low one, alone or as a second segment of one packet.
+
+    The first segment is of the VNI `first`.
+    """
     for to in targets.split(","):
         for way in ways.split(","):
             out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -49,7 +52,7 @@ def udp(who, source, vni, port, targets, ways):
             packet = vxlan(int(vni), frame(f"{who} {way}", source))
             if "segment" in way:
                 out.setsockopt(socket.IPPROTO_UDP, 103, len(packet))
-                packet = vxlan(1, frame(who, source)) + packet
+                packet = vxlan(int(first), frame(who, source)) + packet
             out.sendto(packet, (to, int(port)))
             out.close()
 

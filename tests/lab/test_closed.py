@@ -63,6 +63,11 @@ class Closed:
         assert isinstance(one, dict)
         return one
 
+    def vni(self, instance: str) -> str:
+        """Give an instance's VNI by the label of its network."""
+        label = '{{index .Labels "srprov.vni"}}'
+        return self.lab.shell(STRANGER, "docker", "network", "inspect", "-f", label, f"srprov.{instance}").out.strip()
+
     def vtep(self, robot: str) -> str:
         return str(self.link(robot)["linkinfo"]["info_data"]["local"])
 
@@ -102,12 +107,14 @@ class Closed:
         forged = ("forged", "forged", *head, self.vtep("robot1"), self.vtep("robot2"))
         tries = [
             (STRANGER, ["python3", "-c", TOOL, "udp", "stranger", *rest, ",".join(ways)]),
+            # it is a member of the other experiment, as robot1 is
+            (STRANGER, ["python3", "-c", TOOL, "udp", "neighbour", *rest, ",".join(ways), self.vni("other")]),
             ("robot1", self.inside("robot1", "bridged", "udp", "bridged", *rest, ",".join(ways))),
             ("robot1", self.inside("robot1", "srprov.other.s1", "udp", "other", *rest, ",".join(ways))),
             ("robot1", [*user, "udp", "user", *rest, any_port]),
             ("robot1", self.inside("robot1", "bridged", *forged)),
         ]
-        words = {f"{who} {way}" for who in ("stranger", "bridged", "other") for way in ways}
+        words = {f"{who} {way}" for who in ("stranger", "neighbour", "bridged", "other") for way in ways}
         return words | {f"user {way}" for way in any_port.split(",")} | {"forged"}, tries
 
     def apply(self) -> dict[str, Any]:
