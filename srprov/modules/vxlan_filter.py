@@ -197,7 +197,9 @@ def _filter(name: str, want: VxlanFilterParams) -> Filter:
     owner = want.instance if _INSTANCE.fullmatch(want.instance) else "-"
     mark = f"srprov:{owner}:{name}:{text}"
     six = ip_address(want.local).version == 6
-    return Filter(name=name, label=mark, hash=text, vni=want.vni, port=want.port, peers=peers, six=six)
+    return Filter(
+        name=name, label=mark, hash=text, vni=want.vni, port=want.port, local=want.local, peers=peers, six=six
+    )
 
 
 def _commands(rules: Filter, by: Sequence[str]) -> tuple[Command, ...]:

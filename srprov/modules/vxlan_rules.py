@@ -7,7 +7,9 @@ there what must not come in is dropped by name.
 
 Of a packet that a robot lets in, the source port says that the kernel or root sent it: links send from `SOURCE_PORTS`
 (`vxlan.py`), which other users of a robot cannot take. Packets from such ports that only pass through a robot, as from
-its containers, do not reach another robot of the instance: there they would have the first one's address.
+its containers, do not reach another robot of the instance: there they would have the first one's address. And what is
+sent to another address of the robot's than the VTEP is dropped: containers reach it as their gateway, through a bridge
+that it is on, with whatever address they say is theirs.
 
 Source: nft(8), iptables-extensions(8); RFC 7348: a VXLAN header has the VNI in its bytes 4 to 6, after UDP's 8.
 """
@@ -40,6 +42,8 @@ class Filter(msgspec.Struct, frozen=True, kw_only=True):
     hash: str
     vni: int
     port: int
+    local: str
+    """The robot's own VTEP, the one address of its that members send to."""
     peers: Sequence[str]
     six: bool
     """IPv6."""
@@ -91,7 +95,8 @@ def _nft(rules: Filter) -> str:
     low, high = SOURCE_PORTS
     ip, peers = "ip6" if rules.six else "ip", f"{{ {', '.join(rules.peers)} }}"
     through = f"udp sport < 1024 udp dport {rules.port} {ip} daddr {peers}"
-    ours = f"udp sport {low}-{high} udp dport {rules.port} @th,96,24 {rules.vni} {ip} saddr {peers}"
+    who = f"{ip} daddr {rules.local} {ip} saddr {peers}"
+    ours = f"udp sport {low}-{high} udp dport {rules.port} @th,96,24 {rules.vni} {who}"
     mark = f"{MARK | rules.vni:#x}"
     let_in = f"counter meta mark set {mark}"
     out = f'iifname "{rules.name}"'
@@ -133,7 +138,7 @@ def _iptables(rules: Filter) -> str:
         (f"-A {ours} -m conntrack --ctstate INVALID", ""),
         (f"-A {ours} -p udp -m udp ! --sport {low}:{high}", "DROP"),
         (f"-A {ours} -m addrtype ! --dst-type LOCAL --limit-iface-in -m rpfilter --invert", "DROP"),
-        *((f"-A {ours} -s {peer}", "RETURN") for peer in rules.peers),
+        *((f"-A {ours} -s {peer} -d {rules.local}", "RETURN") for peer in rules.peers),
         (f"-A {ours}", "DROP"),
         *((f"-A {through} -s {peer} -m rpfilter", "RETURN") for peer in rules.peers),
         *((f"-A {through} -d {peer}", "DROP") for peer in rules.peers),

@@ -1,4 +1,4 @@
-"""What one instance lets in is of no use to another one on the same robot."""
+"""What one instance lets in is of no use to another one on the same robot, and comes to the VTEP alone."""
 
 from __future__ import annotations
 
@@ -7,19 +7,30 @@ import re
 from srprov.modules.vxlan_rules import Filter, closing
 
 
-def marks(vni: int) -> tuple[set[str], set[str]]:
-    """Give the marks that an instance's rules set on what they let in, and those that its link wants."""
-    text = closing(
-        Filter(name="srpv00000001", label="srprov:hello:srpv00000001:00000000", hash="00000000", vni=vni, port=4789,
-               peers=("192.0.2.2",), six=False), ()
-    )  # fmt: skip
-    arriving, _, unpacked = text.partition("table bridge srpv00000001 {")
-    wanted = re.findall(r"meta mark != (\S+) counter drop", unpacked)
-    return set(re.findall(r"meta mark set (\S+)", arriving)), set(wanted)
+def rules(vni: int, local: str = "192.0.2.1", peer: str = "192.0.2.2") -> str:
+    mark, six = "srprov:hello:srpv00000001:00000000", ":" in local
+    one = Filter(
+        name="srpv00000001", label=mark, hash="00000000", vni=vni, port=4789, local=local, peers=(peer,), six=six
+    )
+    return closing(one, ())
 
 
 def test_each_instance_marks_what_it_lets_in_with_a_mark_of_its_own() -> None:
     """A large packet has one mark for all of its segments, of whatever instances they are."""
-    given = [marks(vni) for vni in (1, 2, 0xFFFFFF)]
-    assert all(let_in == wanted and len(wanted) == 1 for let_in, wanted in given)
-    assert len({one for let_in, _ in given for one in let_in}) == len(given)
+    every = set()
+    for vni in (1, 2, 0xFFFFFF):
+        arriving, _, unpacked = rules(vni).partition("table bridge srpv00000001 {")
+        (mark,) = set(re.findall(r"meta mark set (\S+)", arriving))
+        assert re.findall(r"meta mark != (\S+) counter drop", unpacked) == [mark]
+        every.add(mark)
+    assert len(every) == 3
+
+
+def test_only_what_is_sent_to_the_vtep_is_let_in() -> None:
+    """A container's gateway is an address of the robot, too, and leads to the same socket."""
+    for local, peer, ip in (("192.0.2.1", "192.0.2.2", "ip"), ("2001:db8::1", "2001:db8::2", "ip6")):
+        lines = rules(7, local, peer).splitlines()
+        let_in = [line for line in lines if "meta mark set 0x53" in line]
+        assert len(let_in) == 2 and all(f" {ip} daddr {local} {ip} saddr " in line for line in let_in)
+        returned = [line for line in lines if line.startswith("-A srpv00000001-in ") and line.endswith("RETURN")]
+        assert len(returned) == 1 and f" -d {local} " in returned[0]
