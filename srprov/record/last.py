@@ -7,6 +7,7 @@ says so in `result.json`. Of one that was killed, plan and events tell how far i
 
 from __future__ import annotations
 
+import errno
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -119,7 +120,7 @@ def _failed(path: Path) -> Iterator[str]:
 
 def _events(path: Path) -> Iterator[Mapping[str, Any]]:
     """Return the events that are whole: the last line of a killed run may not be."""
-    for line in regular_file.read_text(path / "events.jsonl", _LARGEST).split("\n"):
+    for line in _text(path / "events.jsonl").split("\n"):
         try:
             yield parse_json(line)
         except ValueError:
@@ -128,4 +129,11 @@ def _events(path: Path) -> Iterator[Mapping[str, Any]]:
 
 def record_json(path: Path) -> Any:  # noqa: ANN401 - JSON is any
     """Return a file of a record; OSError or ValueError where that is not possible."""
-    return parse_json(regular_file.read_text(path, _LARGEST), max_characters=_LARGEST)
+    return parse_json(_text(path), max_characters=_LARGEST)
+
+
+def _text(path: Path) -> str:
+    """Return the text of a file of a record, which is no link: a folder may come from a stranger."""
+    if path.is_symlink():
+        raise OSError(errno.ELOOP, "it is a link, and srprov makes none", str(path))
+    return regular_file.read_text(path, _LARGEST)

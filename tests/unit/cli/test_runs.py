@@ -98,6 +98,23 @@ def test_the_steps_of_an_apply_are_shown_with_why_one_failed(
     assert aside == f"{home}/runs/{name}/plan.txt has what each step was to change, and its commands\n"
 
 
+@pytest.mark.parametrize("name", ["environment.json", "result.json"])
+def test_a_link_is_no_file_of_an_applys_record(
+    world: World, home: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    """The folder of a stranger led it to a file of the user's."""
+    Path("e.edf").write_text("edf: 1\nname: demo\nservices: {c: {image: 'alpine:3', robot: r1}}\n")
+    assert run(["apply", "e.edf", "-i", "inv.yml", "--yes", "--settle", "0"]) == 0
+    (record,) = (home / "runs").iterdir()
+    away = home / "away.json"
+    away.write_text((record / name).read_text().replace("demo", "nobodys-business"))
+    (record / name).unlink()
+    (record / name).symlink_to(away)
+    capsys.readouterr()
+    lines, aside = shown(capsys, "show", str(record), code=5)
+    assert "it is a link" in aside and "nobodys-business" not in "".join((*lines, aside))
+
+
 def test_the_trials_of_a_run_are_shown_with_parameters_and_metrics(
     home: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
