@@ -17,9 +17,8 @@ from srprov.codes import Code
 from srprov.definitions.model import Host
 from srprov.errors import ConnectError
 from srprov.transport.openssh.settings import SshSettings
-from srprov.transport.openssh.ssh_config import ADDS_UP, DEFAULT_KEYS, lookup, words
+from srprov.transport.openssh.ssh_config import ADDS_UP, DEFAULT_KEYS, check_words, lookup, words
 
-_NO_WORD = re.compile(r"^-|[\s\x00-\x1f\x7f'`\"$\\;&<>|(){}]")
 _PORTS = 1 << 16
 _OF_JUMP_HOSTS_TOO = ("userknownhostsfile", "globalknownhostsfile", "stricthostkeychecking")
 
@@ -81,7 +80,7 @@ def _settings(
         raise ConnectError(host.name, wrong, hint=hint, code=Code.SSH_CONFIG)
     alias, proxy = config.one("hostkeyalias") or None, config.chosen("proxycommand")
     if proxy:
-        _check_words(host.name, (hostname, host.address, user, alias or ""))
+        check_words(host.name, (hostname, host.address, user, alias or ""))
     tokens = _tokens(host.address, hostname, port, user, alias)
     keys = _paths(config.every.get("identityfile", ()), tokens)
     checking, timeout = config.one("stricthostkeychecking", "yes").lower(), config.one("connecttimeout")
@@ -117,20 +116,6 @@ def _settings(
 def _paths(values: Sequence[str], tokens: Mapping[str, str]) -> tuple[str, ...]:
     """Expand the names of files; `none` is none."""
     return tuple(expand(value, tokens) for value in values if value.lower() != "none")
-
-
-def _check_words(name: str, words: Sequence[str]) -> None:
-    """Refuse what would be more than a word in a ProxyCommand, which a shell runs; as OpenSSH does since 9.6.
-
-    Raises:
-        ConnectError: A host or user name holds what means something to a shell, or would be read as an option.
-    """
-    for word in words:
-        if _NO_WORD.search(word):
-            hint = "a ProxyCommand is run by a shell: correct ansible_host, ansible_user or ssh_config"
-            raise ConnectError(
-                name, f"{word[:80]!r} is no host or user name for a ProxyCommand", hint=hint, code=Code.SSH_CONFIG
-            )
 
 
 def _agent(text: str, tokens: Mapping[str, str]) -> str | None:

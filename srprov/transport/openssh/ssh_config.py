@@ -12,7 +12,7 @@ import os
 import re
 import shlex
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,9 @@ ADDS_UP = frozenset({"identityfile", "certificatefile"})
 DEFAULT_KEYS = ("id_ed25519", "id_ecdsa", "id_rsa")
 
 _BEYOND_PARAMIKO = re.compile(r"^[^\S\n]*(include|match)\b[^\S\n]*=?[^\S\n]*(.*)$", re.IGNORECASE | re.MULTILINE)
+_NO_WORD = re.compile(r"^-|[\s\x00-\x1f\x7f'`\"$\\;&<>|(){}]")
+_IN_COMMANDS = ("user", "hostname", "hostkeyalias")
+"""Keywords whose values stand for %r, %h and %k in commands."""
 _SSH_G_KEYS = frozenset({*DEFAULT_KEYS, "id_ecdsa_sk", "id_ed25519_sk", "id_xmss", "id_dsa"})
 
 
@@ -83,6 +86,7 @@ def _parse(name: str, text: str, address: str) -> dict[str, list[str]]:
 
 def _ssh_g(name: str, address: str, given: Mapping[str, Sequence[str]], chosen: Path | None) -> dict[str, list[str]]:
     """Let OpenSSH resolve its own configuration; Match may depend on user and port, so they are given too."""
+    check_words(name, [address, *(word for key in _IN_COMMANDS for word in given.get(key, ()))])
     command = ["ssh", "-G", *(["-F", str(chosen)] if chosen else [])]
     command += [f"-o{key}={value}" for key, values in given.items() for value in values]
     try:
@@ -117,6 +121,20 @@ def _ssh_g(name: str, address: str, given: Mapping[str, Sequence[str]], chosen: 
     if all(os.path.dirname(k) == "~/.ssh" and os.path.basename(k) in _SSH_G_KEYS for k in keys):
         found.pop("identityfile", None)
     return {key: values for key, values in found.items() if key not in given}
+
+
+def check_words(name: str, words: Iterable[str]) -> None:
+    """Refuse what would be more than a word in a ProxyCommand or `Match exec`, run by a shell; as OpenSSH since 9.6.
+
+    Raises:
+        ConnectError: A host or user name holds what means something to a shell, or would be read as an option.
+    """
+    for word in words:
+        if _NO_WORD.search(word):
+            hint = "ProxyCommand and Match exec are run by a shell: correct ansible_host, ansible_user or ssh_config"
+            raise ConnectError(
+                name, f"{word[:80]!r} is no host or user name for a command", hint=hint, code=Code.SSH_CONFIG
+            )
 
 
 def words(text: str) -> list[str]:
