@@ -8,19 +8,21 @@ from srprov.definitions.model import Service
 from srprov.modules.container_form import stands_on
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.image import ImageParams
-from srprov.resource import Resource
+from srprov.resource import Condition, Resource, resource_id
 
 
 def unstated(wants: Collection[Resource]) -> Iterator[Resource]:
-    """Yield the containers that mount what srprov keeps on their robot, where no resource of the plan states that.
+    """Yield the containers that mount what srprov keeps on their robot, and do not need what of the plan states that.
 
-    Whoever only names a data set's hash would get what the robot has for others.
+    Whoever only names a data set's hash would get what the robot has for others; and so would a container that does not
+    need what states it, which is made also where that fails, or is left out.
     """
-    stated = {(one.host, one.module, one.name) for one in wants}
+    stated = {one.id for one in wants}
     for one in wants:
         if isinstance(one.params, ContainerParams):
-            needed = {(one.host, kind, name) for kind, name in stands_on(one.params)}
-            if not needed <= stated:
+            mounted = {resource_id(one.host, kind, name) for kind, name in stands_on(one.params)}
+            needed = {need.id for need in one.needs if need.condition == Condition.PRESENT.value}
+            if not mounted <= stated & needed:
                 yield one
 
 

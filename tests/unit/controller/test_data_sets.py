@@ -15,6 +15,7 @@ from srprov.definitions.containermodel import Mount
 from srprov.errors import RefusedError, UsageError
 from srprov.modules.params import ParameterError
 from srprov.planning.planfile import dump
+from srprov.resource import Resource
 from tests.fakes import World
 from tests.resources import resource
 from tests.unit.controller.test_saved import planned, reread
@@ -102,6 +103,29 @@ def test_who_mounts_a_data_set_in_a_plan_file_states_it(
     assert len(steps) < len(saved.plan.steps)
     with pytest.raises(UsageError, match=r"r1/container:srprov\.hello\.a asks for playbook"):
         check_file(replace(saved, plan=replace(saved.plan, steps=steps)), "plan.json")
+
+
+def test_who_mounts_a_data_set_in_a_plan_file_needs_what_states_it(
+    file: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A container that did not need it was made also when the data set came with another hash, or did not come."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    mounts = (Mount(kind="data", source=file, target="/d", read_only=True),)
+    saved = reread(planned(World().add("r1"), experiment(service("a", mounts=mounts))))
+    check_file(saved, "plan.json")
+    for condition in ("", "after"):
+        steps = tuple(replace(step, want=_changed_needs(step.want, condition)) for step in saved.plan.steps)
+        with pytest.raises(UsageError, match=r"r1/container:srprov\.hello\.a asks for playbook"):
+            check_file(replace(saved, plan=replace(saved.plan, steps=steps)), "plan.json")
+
+
+def _changed_needs(want: Resource | None, condition: str) -> Resource | None:
+    """Return what needs data sets only in another way, or not at all."""
+    if want is None:
+        return None
+    data = [need for need in want.needs if "/data:" in need.id]
+    others = [need for need in want.needs if need not in data]
+    return replace(want, needs=(*others, *(replace(need, condition=condition) for need in data if condition)))
 
 
 @pytest.mark.parametrize(
