@@ -335,6 +335,7 @@ def test_the_shipped_playbooks_render() -> None:
             "run.ports.0: expected 4 values",
         ),
         (HOST.replace("[]", "[{}]"), "mounts: each needs 'Type' and 'Target'"),
+        (HOST.replace("[]", '[{Type: bind, Target: /x, Source: "a\\0"}]'), "mounts: no path holds a NUL"),
     ],
 )
 def test_a_module_refuses_what_it_cannot_take(text: str, says: str) -> None:
