@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 from collections.abc import Callable
 from typing import Any, TextIO, TypeVar
@@ -100,9 +101,15 @@ def writable(_context: click.Context, _option: click.Parameter, path: str | None
 def no_link(_context: click.Context, _option: click.Parameter, folder: _T) -> _T:
     """Refuse a link in the place of a folder that is filled: with a project that was cloned come links of a stranger's.
 
-    However it is written: `DIR/` and `DIR/.` are what the link leads to for the kernel.
+    However it is written: `DIR/` and `DIR/.` are what the link leads to for the kernel. Of a relative path, a folder
+    above that is named in it may be such a link, too.
     """
-    if os.path.islink(os.path.abspath(str(folder))):
-        hint = "name the folder itself, or a new one"
-        raise UsageError(f"{folder} is a link, and nothing is written by way of it", hint=hint, code=Code.STRANGE_FILE)
+    path = str(folder)
+    named = [] if os.path.isabs(path) else itertools.accumulate(path.split("/"), os.path.join)
+    for one in (os.path.abspath(path), *named):
+        if os.path.islink(one):
+            which = folder if one in (path, os.path.abspath(path)) else one
+            hint = "name the folder itself, or a new one: its whole path is taken as it is"
+            why = f"{which} is a link, and nothing is written by way of it"
+            raise UsageError(why, hint=hint, code=Code.STRANGE_FILE)
     return folder

@@ -11,7 +11,7 @@ from srprov.cli.main import run
 INVENTORY = ("-i", "inv.yml")
 
 
-@pytest.mark.parametrize("written", ["out", "out/", "out/.", "./out", "sub/../out"])
+@pytest.mark.parametrize("written", ["out", "out/", "out/.", "./out", "sub/../out", "out/new", "sub/up/new"])
 @pytest.mark.parametrize(
     "words",
     [
@@ -39,7 +39,18 @@ def test_a_link_in_the_place_of_a_new_folder_is_refused(
     (project / "inv.yml").write_text("all: {hosts: {r1: {}}}\n")
     (project / "b.zip").write_text("")
     (project / "out").symlink_to(away)
+    (project / "sub/up").symlink_to(away)
     monkeypatch.chdir(project)
     assert run([*words, written]) == 5
     assert "is a link" in capsys.readouterr().err
     assert list(away.iterdir()) == []
+
+
+def test_links_of_a_whole_path_are_the_user_s(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """He may keep what is large on another disk, and his temporary folder may be a link."""
+    (tmp_path / "away").mkdir()
+    (tmp_path / "out").symlink_to(tmp_path / "away")
+    monkeypatch.chdir(tmp_path / "away")
+    assert run(["init", str(tmp_path / "out" / "new")]) == 0
+    assert run(["init", "below/new"]) == 0
+    assert {one.name for one in (tmp_path / "away").iterdir()} == {"new", "below"}
