@@ -75,14 +75,17 @@ def parse_reference(text: str) -> Reference:
     name, tag = _split_tag(rest)
     if tag is not None and not _TAG.fullmatch(tag):
         raise ValueError(f"'{shown}' has no valid tag")
-    if name == "sha256":
-        raise ValueError(f"'{shown}' is an id, not a name: it says nothing of where the image comes from")
     domain, path = _split_domain(name)
+    if (domain, path) == (_DEFAULT_DOMAIN, "library/sha256"):
+        raise ValueError(f"'{shown}' is an id, not a name: it says nothing of where the image comes from")
     if not _DOMAIN.fullmatch(domain):
         raise ValueError(f"'{shown}' has no valid registry name")
     if not _PATH.fullmatch(path) or len(path) > _LONGEST:
         reason = " (it must be lower case)" if path != path.lower() else ""
         raise ValueError(f"'{shown}' has no valid image name{reason}")
+    if domain == _DEFAULT_DOMAIN and _split_domain(path) != (domain, path):
+        # `docker.io/127.0.0.1/x` is shown, and given to engines, as `127.0.0.1/x`, which leads elsewhere
+        raise ValueError(f"'{shown}' has a registry's name behind Docker Hub's")
     return Reference(domain, path, tag or ("" if digest else "latest"), digest)
 
 

@@ -59,6 +59,15 @@ def test_forms(text: str, canonical: str, familiar: str) -> None:
         ("$BASE", "name"),
         ("-bad.io/x", "registry"),
         ("x" * 300, "name"),
+        # what an engine is given is the short form, which would be an id, or a name of another registry
+        ("sha256:9", "an id"),
+        ("library/sha256:9", "an id"),
+        ("docker.io/library/sha256:" + "ab" * 32, "an id"),
+        ("index.docker.io/sha256:9", "an id"),
+        ("docker.io/127.0.0.1/x", "behind Docker Hub's"),
+        ("docker.io/localhost/x", "behind Docker Hub's"),
+        ("docker.io/docker.io/srprov/camera:1", "behind Docker Hub's"),
+        ("registry-1.docker.io/index.docker.io/srprov/camera:1", "behind Docker Hub's"),
     ],
 )
 def test_no_reference(text: str, reason: str) -> None:
