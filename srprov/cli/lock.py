@@ -36,7 +36,8 @@ def lock(
 
     path = lock_path(file)
     old = load(path) or Lock()
-    made = locking.draft(file, old, update, permitted(allow)[1])
+    allowed = permitted(allow)[1]
+    made = locking.draft(file, old, update, allowed)
     inventory = inputs.load_inventory(inventories)
     with inputs.connect(inventory, timeout, forks) as fleet, fleet.look(made.definitions.experiment) as look:
 
@@ -44,7 +45,7 @@ def lock(
             if not names:
                 return {}
             with_engine = [name for name, facts in look.first().facts.items() if facts.docker]
-            return digests.look_up(look.ask_each, with_engine, names)
+            return digests.look_up(look.ask_each, with_engine, names, allowed)
 
         new, records = package_records.with_records(locking.finished(made, look_up), made, look, fleet.connected())
     try:

@@ -7,11 +7,12 @@ from where images will be pulled.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 
 from srprov.codes import Code
 from srprov.errors import UsageError
 from srprov.image_reference import parse_reference
+from srprov.planning.policy import Permission, require
 from srprov.untrusted import mapping, mappings, string
 from srprov.wire import AnyQuery, EngineQuery, Reply
 
@@ -26,18 +27,23 @@ Found = tuple[str, tuple[str, ...]]
 """(digest, platforms)"""
 
 
-def look_up(ask_each: AskEach, robots: Iterable[str], names: Collection[str]) -> dict[str, Found]:
+def look_up(
+    ask_each: AskEach, robots: Iterable[str], names: Collection[str], allowed: Collection[str]
+) -> dict[str, Found]:
     """Return full name with tag -> what it is now.
 
     Args:
         ask_each: Asks robots.
         robots: Those that may be asked; the first few are.
         names: Full names with tags.
+        allowed: Kinds of permission that the user gave: to look a name up is to have engines ask.
 
     Raises:
+        RefusedError: Whom a name would have engines ask, the user did not allow.
         UsageError: No registry tells a name to any robot, or robots disagree.
     """
     asked, wanted = sorted(robots)[:MOST_ROBOTS], sorted(names)
+    require(list(_beyond(wanted)), allowed)
     questions = [
         EngineQuery(path=f"/distribution/{parse_reference(name).familiar}/json", timeout_s=_LONG_S) for name in wanted
     ]
@@ -46,6 +52,15 @@ def look_up(ask_each: AskEach, robots: Iterable[str], names: Collection[str]) ->
         name: _agreed(name, {robot: answers[index] for robot, answers in replies.items()})
         for index, name in enumerate(wanted)
     }
+
+
+def _beyond(names: Iterable[str]) -> Iterator[Permission]:
+    """Yield what it takes to look up names whose registry is whoever that is in a robot's own network."""
+    for name in names:
+        reference = parse_reference(name)
+        if reference.is_private:
+            what = "looking it up, the robots' engines ask whoever that is in their own network"
+            yield Permission(kind="engine-fetch", service=reference.familiar, what=what)
 
 
 def _agreed(name: str, replies: Mapping[str, Reply]) -> Found:

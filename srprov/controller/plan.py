@@ -190,7 +190,9 @@ def _inputs(
 ) -> RenderInputs:  # fmt: skip
     reachable = snapshot.facts.keys()
     mine, experiment = bundled.chosen(request.bundled, choice.experiment, placed.placed, snapshot.facts)
-    definitions, experiment = with_fresh(definitions, experiment, placed.placed, reachable, look.ask_each)
+    definitions, experiment = with_fresh(
+        definitions, experiment, placed.placed, reachable, look.ask_each, request.allowed
+    )
     images, references = plan_images(bundled.to_build(definitions.containers, experiment, mine))
     inputs = RenderInputs(
         instance=overlay.instance,

@@ -21,6 +21,7 @@ def with_fresh(
     placed: Mapping[str, str],
     reachable: Collection[str],
     ask: AskEach,
+    allowed: Collection[str],
 ) -> tuple[Definitions, Experiment]:
     """Return definitions and experiment with the digests that the tags of services with `always` have now.
 
@@ -32,8 +33,10 @@ def with_fresh(
         placed: Service -> robot.
         reachable: Robots that answer.
         ask: Asks robots.
+        allowed: Kinds of permission that the user gave.
 
     Raises:
+        RefusedError: As `look_up` says.
         UsageError: No registry tells it, or robots disagree.
     """
     fresh = {name: one for name, one in experiment.services.items() if one.runtime.pull_policy == "always"}
@@ -46,7 +49,7 @@ def with_fresh(
         experiment=replace(experiment, services=fresh, remote=()),
         containers={key: one for key, one in definitions.containers.items() if key in keys},
     )
-    found = look_up(ask, robots, names_of(mine).images)
+    found = look_up(ask, robots, names_of(mine).images, allowed)
     digests = {name: digest for name, (digest, _) in found.items()}
     fixed = pinned(mine, Lock(digests=digests, platforms={name: one for name, (_, one) in found.items()}))
     containers = {**definitions.containers, **fixed.containers}

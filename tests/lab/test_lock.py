@@ -54,7 +54,8 @@ def test_a_locked_experiment_stays_what_it_was_when_tags_and_branches_move(lab: 
     path = tmp_path / "locked.edf"
     path.write_text(edf("locked", services, placement={"slots_per_robot": 2}), encoding="utf-8")
     own = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
-    words = (str(path), "-i", inventory, "--allow", "git", "--allow", "outside")
+    allowed = [word for kind in ("git", "outside", "engine-fetch") for word in ("--allow", kind)]
+    words = (str(path), "-i", inventory, *allowed)
 
     def plan(*more: str) -> dict[str, str]:
         made = lab.srprov("plan", *words, "--json", *more, env=own)

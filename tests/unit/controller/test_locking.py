@@ -18,7 +18,7 @@ from srprov.controller.pins import differences, names_of, pinned
 from srprov.controller.source import read_definitions
 from srprov.definitions import check_files, load_experiment
 from srprov.definitions.lockfile import Lock, Packages, dump, load, lock_path
-from srprov.errors import DefinitionError, UsageError
+from srprov.errors import DefinitionError, RefusedError, UsageError
 from srprov.execution.packages import NoListing
 from srprov.facts.model import Snapshot
 from srprov.images.args import with_digests
@@ -219,14 +219,30 @@ def test_robots_are_believed_when_they_agree() -> None:
         return ask
 
     every = {"r1": OLD, "r2": OLD, "r3": None, "r4": NEW}
-    assert digests.look_up(ask_each(every), every, [BUSYBOX]) == {BUSYBOX: (OLD, ("linux/arm64/v8",))}
+    assert digests.look_up(ask_each(every), every, [BUSYBOX], ()) == {BUSYBOX: (OLD, ("linux/arm64/v8",))}
     assert asked == [f"r{i} /distribution/busybox:latest/json" for i in (1, 2, 3)]
     with pytest.raises(UsageError, match=f"robots disagree about busybox:latest: r1 {OLD}, r4 {NEW}"):
-        digests.look_up(ask_each(every), ["r4", "r1"], [BUSYBOX])
+        digests.look_up(ask_each(every), ["r4", "r1"], [BUSYBOX], ())
     for nonsense in ("latest", ["x"], OLD + "0", None):
         with pytest.raises(UsageError, match="no robot could learn"):
-            digests.look_up(ask_each({"r1": nonsense}), ["r1"], [BUSYBOX])
-    assert digests.look_up(ask_each({}), [], []) == {}
+            digests.look_up(ask_each({"r1": nonsense}), ["r1"], [BUSYBOX], ())
+    assert digests.look_up(ask_each({}), [], [], ()) == {}
+
+
+@pytest.mark.parametrize("name", ["127.0.0.1:9998/x:1", "robot2:5000/x:1", "localhost:5000/x:1", "nas.lan/x:1"])
+def test_no_robot_s_own_network_is_asked_without_permission(name: str) -> None:
+    """A lock, and a plan with `pull_policy: always`, look names up before anything is shown or confirmed."""
+    asked: list[str] = []
+
+    def ask(questions: Mapping[str, Sequence[AnyQuery]]) -> dict[str, Sequence[Reply]]:
+        asked.extend(questions)
+        return {host: [answer] * len(queries) for host, queries in questions.items()}
+
+    answer = Reply(status=200, ok=True, out=json.dumps({"Descriptor": {"digest": OLD}}))
+    with pytest.raises(RefusedError, match=f"{name}: engine-fetch"):
+        digests.look_up(ask, ["r1"], [BUSYBOX, name], {"git"})
+    assert not asked
+    assert digests.look_up(ask, ["r1"], [name], {"engine-fetch"}) == {name: (OLD, ())}
 
 
 def test_pins_reach_what_is_extended_to_more_services(here: Path) -> None:

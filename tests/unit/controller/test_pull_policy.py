@@ -10,7 +10,7 @@ import pytest
 
 from srprov.controller.pull_policy import with_fresh
 from srprov.definitions import check_files, load_experiment
-from srprov.errors import UsageError
+from srprov.errors import RefusedError, UsageError
 from srprov.wire import AnyQuery, EngineQuery, Reply
 
 DIGEST = "sha256:" + "1" * 64
@@ -45,16 +45,20 @@ def test_always_puts_in_what_the_tags_are_now_and_asks_robots_that_run_them(here
         _edf("a: {cdf: a.cdf}", "b: {image: busybox, pull_policy: always}", "c: {image: busybox}"), {}
     )
     placed = {"a": "r1", "b": "r2", "c": "r3"}
-    definitions, experiment = with_fresh(read, read.experiment, placed, placed.values(), ask)
+    definitions, experiment = with_fresh(read, read.experiment, placed, placed.values(), ask, ())
     assert next(iter(definitions.containers.values())).base == f"debian@{DIGEST}"
     assert (experiment.services["b"].image, experiment.services["c"].image) == (f"busybox@{DIGEST}", "busybox")
     assert {host for host, _ in asked} == {"r1", "r2"}
     assert definitions.platforms == {f"{name}@{DIGEST}": ("linux/amd64",) for name in ("busybox", "debian")}
     asked.clear()
-    same = with_fresh(read, read.experiment, placed, ["r3"], ask)
+    same = with_fresh(read, read.experiment, placed, ["r3"], ask, ())
     assert same == (read, read.experiment) and not asked, "nobody who runs them answers"
     with pytest.raises(UsageError, match="what busybox:latest is now, no robot could learn"):
-        with_fresh(read, read.experiment, placed, placed.values(), lambda _questions: {})
+        with_fresh(read, read.experiment, placed, placed.values(), lambda _questions: {}, ())
+    local = load_experiment(_edf('a: {image: "127.0.0.1:9998/x", pull_policy: always}'), {})
+    with pytest.raises(RefusedError, match="engine-fetch"):
+        with_fresh(local, local.experiment, placed, placed.values(), ask, ())
+    assert not asked
 
 
 @pytest.mark.parametrize("policy", ["missing", "if_not_present", "always", "never"])
