@@ -16,7 +16,7 @@ import msgspec
 from msgspec.structs import replace
 
 from srprov.codes import Code
-from srprov.definitions import paths, schema
+from srprov.definitions import images, paths, schema
 from srprov.definitions.values import text, texts
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc import loader
@@ -88,12 +88,12 @@ def load(path: str) -> Lock | None:
 def _load(path: str) -> Lock:
     root = _checked(path)
     files = root.entries.get("files")
-    images = [one.entries for one in _maps(root.entries["images"])]
+    locked = [one.entries for one in _maps(root.entries["images"])]
     repositories = [one.entries for one in _maps(root.entries["repositories"])]
     return Lock(
         commits={(text(one["git"]), text(one["ref"])): text(one["commit"]) for one in repositories},
-        digests={text(one["name"]): text(one["digest"]) for one in images},
-        platforms={text(one["name"]): texts(one.get("platforms")) for one in images},
+        digests={text(one["name"]): text(one["digest"]) for one in locked},
+        platforms={text(one["name"]): texts(one.get("platforms")) for one in locked},
         files={path: text(one) for path, one in files.entries.items()} if isinstance(files, Map) else {},
         packages=tuple(_packages(one.entries) for one in _maps(root.entries.get("packages"))),
         version=text(root.entries["srprov"]),
@@ -110,6 +110,8 @@ def _checked(path: str) -> Map:
     for name, sha in files.entries.items() if isinstance(files, Map) else ():
         if not _SHA256.fullmatch(text(sha)):
             findings.add(sha, "is no sha256 in hex", ("files", name), code=Code.LOCK_FILE)
+    for index, one in enumerate([] if findings.problems else _maps(root.entries["images"])):
+        images.check(one.entries["name"], findings, ("images", index, "name"))
     if findings.problems:
         raise DefinitionError(findings.problems)
     return root
@@ -141,13 +143,13 @@ def dump(lock: Lock) -> str:
     def line(**values: object) -> str:
         return "- " + json.dumps(values, ensure_ascii=False)
 
-    images = [
+    digests = [
         line(name=name, digest=digest, platforms=list(lock.platforms.get(name, ())))
         for name, digest in sorted(lock.digests.items())
     ]
     repositories = [line(git=git, ref=ref, commit=commit) for (git, ref), commit in sorted(lock.commits.items())]
     files = [f"  {json.dumps(path, ensure_ascii=False)}: {sha}" for path, sha in sorted(lock.files.items())]
-    parts = (("images", images, "[]"), ("repositories", repositories, "[]"), ("files", files, "{}"))
+    parts = (("images", digests, "[]"), ("repositories", repositories, "[]"), ("files", files, "{}"))
     body = "".join("\n".join([f"{key}:", *lines]) + "\n" if lines else f"{key}: {none}\n" for key, lines, none in parts)
     packages = "".join(map(_packages_text, lock.packages))
     return f"{_HEAD}lock: 1\nsrprov: {json.dumps(lock.version)}\n{body}" + (

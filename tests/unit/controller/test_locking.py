@@ -143,6 +143,7 @@ def test_each_difference_is_named(here: Path) -> None:
         "[]", "", "lock: 2\n", "lock: 1\nsrprov: x\nimages: []\nrepositories: []\nfiles: {a: b}\n",
         "lock: 1\nsrprov: x\nimages: [{name: x, digest: latest}]\nrepositories: []\nfiles: {}\n",
         "lock: 1\nsrprov: x\nimages: []\nrepositories: [{git: x, ref: y, commit: '--x'}]\nfiles: {}\n",
+        f"lock: 1\nsrprov: x\nimages: [{{name: Debian, digest: '{OLD}'}}]\nrepositories: []\nfiles: {{}}\n",
     ],
 )  # fmt: skip
 def test_what_is_no_lock_is_refused(here: Path, text: str) -> None:
