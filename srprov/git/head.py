@@ -32,7 +32,7 @@ def checkout_of(folder: str) -> tuple[str, str] | None:
     if top is None or own is None:
         return None
     # a worktree has a HEAD of its own, and the references of the repository that it belongs to
-    shared = own.parents[1] if own.parent.name == "worktrees" else own
+    shared = own.parents[1] if own != top / ".git" and own.parent.name == "worktrees" else own
     found = _line(own / "HEAD")
     for _ in range(_MOST_STEPS):
         if is_commit(found):

@@ -30,7 +30,7 @@ def committed(folder: Path) -> str:
     return subprocess.run([*git, "rev-parse", "HEAD"], check=True, capture_output=True, text=True).stdout.strip()
 
 
-@pytest.mark.parametrize("name", ["plain", "two\nlines", "line\u2028separator", "ends in one\n"])
+@pytest.mark.parametrize("name", ["plain", "worktrees", "two\nlines", "line\u2028separator", "ends in one\n"])
 def test_a_commit_is_that_of_the_repository(tmp_path: Path, name: str) -> None:
     commit = committed(tmp_path / name)
     files = {"x.edf": InputFile(content=b"edf: 1\n"), "y": InputFile(content=b"")}
