@@ -12,6 +12,7 @@ from srprov.conversion.fields import duration_text
 from srprov.conversion.kept import Kept
 from srprov.conversion.names_used import on_overlay
 from srprov.conversion.project import Project
+from srprov.definitions.containermodel import of_links
 from srprov.importing.position import Path
 
 _CONDITIONS = {
@@ -77,8 +78,11 @@ def ports(given: _Given, project: Project, at: Path) -> dict[str, Any]:
             project.notes.adapted(path, f"the robot's port {target}; Compose would take any that is free")
         elif "-" in written:
             project.notes.adapted((*path, "published"), f"the first of {written}")
-        published = int(written.partition("-")[0] or target)
-        found.append((str(one.get("host_ip") or ""), published, target, protocol))
+        port = (str(one.get("host_ip") or ""), int(written.partition("-")[0] or target), target, protocol)
+        if on_overlay(given) and of_links(port):
+            project.notes.refused(path, f"overlays send from UDP port {port[1]}: publish another one")
+            continue
+        found.append(port)
     if not found:
         return {}
     if not on_overlay(given):

@@ -23,6 +23,15 @@ Port = tuple[str, int, int, str]
 EVERYWHERE = ("", "0.0.0.0", "::")  # noqa: S104 - compared with, never bound to
 """Addresses that stand for all of a robot's."""
 
+LINK_PORTS = range(768, 1024)
+"""UDP ports that overlays' links send from, and are let in from. The engine's proxy of a published one would send a
+container's words from there, to any address that a forged packet names."""
+
+
+def of_links(port: Port) -> bool:
+    """Return whether a published port is one that the links of overlays send from."""
+    return port[3] == "udp" and port[1] in LINK_PORTS
+
 
 def ports_meet(one: Port, other: Port) -> bool:
     """Return whether two published ports cannot be had on one robot at the same time."""

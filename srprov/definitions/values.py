@@ -11,7 +11,7 @@ from typing import TypeVar
 
 from srprov.codes import Code
 from srprov.definitions import commandline, words
-from srprov.definitions.containermodel import Port
+from srprov.definitions.containermodel import LINK_PORTS, Port, of_links
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
@@ -136,7 +136,12 @@ def ports(spec: str) -> tuple[Port, ...]:
         given = ipaddress.ip_address(address)
         # one address has one spelling, so that equal ones are seen to be
         address = str(getattr(given, "ipv4_mapped", None) or given)
-    return tuple((address, out, into, match["kind"] or "tcp") for out, into in zip(published, inside, strict=True))
+    kind = match["kind"] or "tcp"
+    found = tuple((address, out, into, kind) for out, into in zip(published, inside, strict=True))
+    if any(map(of_links, found)):
+        low, high = LINK_PORTS[0], LINK_PORTS[-1]
+        raise ValueError(f"'{spec}' publishes a UDP port from {low} to {high}; overlays send from those")
+    return found
 
 
 def exposed(spec: str) -> tuple[tuple[int, str], ...]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from srprov.definitions.containermodel import Runtime
+from srprov.definitions.containermodel import Runtime, of_links
 
 HOST = r"[A-Za-z0-9]([A-Za-z0-9._-]{0,61}[A-Za-z0-9])?"
 """A name in a hosts file."""
@@ -69,6 +69,8 @@ def broken(run: Runtime) -> Iterator[str]:
     for _, published, into, protocol in run.ports:
         if published not in _PORTS or into not in _PORTS or protocol not in _PROTOCOLS:
             yield f"ports: {published}:{into}/{protocol[:20]} cannot be"
+        elif of_links(("", published, into, protocol)):
+            yield f"ports: {published}/{protocol} is one that overlays send from"
     for port, protocol in run.expose:
         if port not in _PORTS or protocol not in _PROTOCOLS:
             yield f"expose: {port}/{protocol[:20]} cannot be"

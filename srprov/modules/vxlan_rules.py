@@ -20,9 +20,10 @@ from collections.abc import Callable, Collection, Sequence
 
 import msgspec
 
+from srprov.definitions.containermodel import LINK_PORTS
 from srprov.wire import quote
 
-SOURCE_PORTS = (768, 1023)
+SOURCE_PORTS = (LINK_PORTS[0], LINK_PORTS[-1])
 """First and last: privileged ones, above those that services have."""
 MARK = 0x53000000
 """A packet that was let in has this and the VNI as its mark, until the bridge; one for all would let a member of any

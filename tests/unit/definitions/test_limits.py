@@ -39,6 +39,10 @@ EDFS = {
         service(f"ports: [{', '.join(f'{one}-{one + 999}' for one in range(1000, 60000, 1000))}]"),
         "more than 1000 ports are published",
     ),
+    "a port of overlays' links": (
+        service("ports: ['127.0.0.1:760-770:760-770/udp']"),
+        "publishes a UDP port from 768 to 1023; overlays send from those",
+    ),
     "a size": (service("shm_size: 99999999999999999t"), "is more than any machine has"),
     "a limit": (service(f"ulimits: {{nofile: {10**30}}}"), "expected"),
     "1e999": (service("cost: 1e999"), "expected a number"),
