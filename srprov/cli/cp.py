@@ -97,11 +97,12 @@ def _located(
     experiment = inputs.experiment_if_valid(file)
     with inputs.connect(inventory, timeout, forks) as fleet:
         where = only(locate(fleet.gather(Detail.BASIC), name, experiment).named([service]))
+        session = fleet.sessions.get(where.host)  # of a robot that is out of reach nothing was found
         if where.found is None:
             raise UsageError(
                 f"{where.where}: its container is not there", hint="`srprov apply` makes it", code=Code.NOTHING_RUNS
             )
-        yield fleet.sessions.get(where.host), where
+        yield session, where
 
 
 def _out(session: Session, container: str, source: InService, target: str, *, preserve: bool) -> int:
