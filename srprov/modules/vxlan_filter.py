@@ -192,7 +192,7 @@ def closing_script(name: str, want: VxlanFilterParams) -> str:
 
 def _filter(name: str, want: VxlanFilterParams) -> Filter:
     peers = tuple(sorted({*want.peers} - {want.local}))
-    text = digest([want.vni, want.port, want.local, peers, MARK], 8)
+    text = digest([want.vni, want.port, want.local, peers, MARK, "untracked"], 8)
     # no instance has another name; one that had would never find its rules again, and not be quoted wrongly either
     owner = want.instance if _INSTANCE.fullmatch(want.instance) else "-"
     mark = f"srprov:{owner}:{name}:{text}"

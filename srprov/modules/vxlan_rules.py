@@ -11,6 +11,9 @@ its containers, do not reach another robot of the instance: there they would hav
 sent to another address of the robot's than the VTEP is dropped: containers reach it as their gateway, through a bridge
 that it is on, with whatever address they say is theirs.
 
+What members send is not tracked: a container that sends from the overlay's port to a member's is given the robot's
+address and that very port, where they are free, and would be handed the answers, which is what that member sends.
+
 Source: nft(8), iptables-extensions(8); RFC 7348: a VXLAN header has the VNI in its bytes 4 to 6, after UDP's 8.
 """
 
@@ -115,6 +118,7 @@ def _nft(rules: Filter) -> str:
             f"{out} meta mark != {mark} counter drop",
             f"{out} meta mark set 0x0",
         ]),
+        ("inet", "untracked", "prerouting priority -300", [f"{ours} counter notrack"] if rules.peers else []),
     ]  # fmt: skip
     label = _labels(rules, sum(len(lines) for *_, lines in chains))
     text = ""
@@ -139,6 +143,7 @@ def _iptables(rules: Filter) -> str:
         (f"-A {ours} -m conntrack --ctstate INVALID", ""),
         (f"-A {ours} -p udp -m udp ! --sport {low}:{high}", "DROP"),
         (f"-A {ours} -m addrtype ! --dst-type LOCAL --limit-iface-in -m rpfilter --invert", "DROP"),
+        (f"-A {ours}", "CT --notrack"),
         *((f"-A {ours} -s {peer} -d {rules.local}", "RETURN") for peer in rules.peers),
         (f"-A {ours}", "DROP"),
         *((f"-A {through} -s {peer} -m rpfilter", "RETURN") for peer in rules.peers),

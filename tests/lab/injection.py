@@ -64,5 +64,12 @@ def forged(word, source, vni, port, to, sender):
     head = struct.pack("!BBHHHBBH", 0x45, 0, 20 + len(packet), 1, 0, 64, 17, 0)
     raw.sendto(head + socket.inet_aton(sender) + socket.inet_aton(to) + packet, (to, 0))
 
+def claim(port, to):
+    """Send from the overlay's port to all that a member sends from: to a tracker, what that one sends is the answer."""
+    out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    out.bind(("", int(port)))
+    for one in range(768, 1024):
+        out.sendto(b"", (to, one))
+
 globals()[sys.argv[1]](*sys.argv[2:])
 '''

@@ -87,7 +87,7 @@ BY_HAND = {
     "link deleted": ("ip link del LINK", {"robot2/vxlan:LINK": "create: not there"}),
     "rule deleted": (
         "nft flush chain bridge LINK unpacked",
-        {"robot2/vxlan_filter:LINK": "update: 2 of 6 rules are gone"},
+        {"robot2/vxlan_filter:LINK": "update: 2 of 7 rules are gone"},
     ),
     "firewall reloaded": (
         "nft delete table inet LINK; nft delete table bridge LINK",

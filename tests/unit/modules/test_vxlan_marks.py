@@ -37,10 +37,24 @@ def test_only_what_is_sent_to_the_vtep_is_let_in() -> None:
         assert len(returned) == 1 and f" -d {local} " in returned[0]
 
 
+def test_what_members_send_is_not_tracked() -> None:
+    """A container that sends from the overlay's port to a member's would be handed what that member sends."""
+    for local, peer, ip in (("192.0.2.1", "192.0.2.2", "ip"), ("2001:db8::1", "2001:db8::2", "ip6")):
+        lines = [line.strip() for line in rules(7, local, peer).splitlines()]
+        (early,) = [at for at, line in enumerate(lines) if "notrack comment" in line]
+        assert lines[early - 1] == "type filter hook prerouting priority -300; policy accept;", "conntrack's is -200"
+        assert (
+            f"udp sport 768-1023 udp dport 4789 @th,96,24 7 {ip} daddr {local} {ip} saddr {{ {peer} }} " in lines[early]
+        )
+        chain = [line for line in lines if line.startswith("-A srpv00000001-in ")]
+        ends = [line.rpartition(" -j ")[2] for line in chain]
+        assert ends[-3:] == ["CT --notrack", "RETURN", "DROP"], "all that is let in"
+
+
 def test_rules_that_say_something_else_are_told_apart_by_their_hash() -> None:
     """Robots that have the rules of an older version are right by their hash, and would keep them for ever.
 
-    Where this fails: put a number into what `_filter` of vxlan_filter.py hashes, or raise it, and the digests here.
+    Where this fails: put another word into what `_filter` of vxlan_filter.py hashes, and the new digests here.
     """
     every = [hashlib.sha256(rules(7, *two).encode()).hexdigest()[:8] for two in ((), ("2001:db8::1", "2001:db8::2"))]
-    assert every == ["2beedab2", "0184fbb6"]
+    assert every == ["d512fd8e", "8a81d59c"]
