@@ -20,13 +20,15 @@ from srprov.definitions.model import Service
 from srprov.errors import UsageError
 from srprov.facts.gather import Gathering
 from srprov.modules import RUNNING
-from srprov.modules.mount_kind import GRAVE, below, mount_kind
+from srprov.modules.mount_kind import GRAVE, SHARED_MEMORY, below, mount_kind
 from srprov.planning.plan import Step
 from srprov.robot_answers import TooManyError
 from srprov.untrusted import lines_of, text
 from srprov.wire import Query, quote
 
 _MOST_LINES = 100_000
+_SHARED = Mount(kind="bind", source=SHARED_MEMORY, target="")
+"""Of a container in the robot's IPC namespace."""
 _NEWLINE = "newline='\n'"
 _LOOK = r"""number=-1
 for s in PATHS; do
@@ -95,7 +97,8 @@ def check_writers(steps: Sequence[Step], placed: Collection[tuple[str, Service]]
     for robot, service in placed:
         if robot in busy:
             binds = [one for one in service.runtime.mounts if one.kind == "bind"]
-            mounts.setdefault(robot, []).extend((service.name, one) for one in binds)
+            shared = [_SHARED] if service.runtime.ipc == "host" else []
+            mounts.setdefault(robot, []).extend((service.name, one) for one in (*shared, *binds))
     sources = {robot: sorted({one.source for _, one in some}) for robot, some in mounts.items() if _matters(some)}
     replies = look.ask_each({robot: (_question(some), MOUNTS) for robot, some in sources.items()})
     # thousands of paths may take a robot longer than it has
@@ -154,8 +157,8 @@ def _below(
 
     for name, one in sorted({(name, one.source): (name, one) for name, one in some}.values(), key=lambda it: it[0]):
         place = places[one.source]
-        if named(one.source) or mount_kind(one.source)[0] == GRAVE:
-            continue  # asked for as that
+        if one is _SHARED or named(one.source) or mount_kind(one.source)[0] == GRAVE:
+            continue  # mounted by nobody, or asked for as that
         turned = any(own in made or is_written(f"{path.rstrip('/')}/x") for own, path in place.through)
         if turned or not place.real.startswith("/") or is_written(place.real):
             yield f"{one.source}, which '{name}' mounts, lies in a folder that a container of the experiment writes to"

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import posixpath
 from bisect import bisect_left
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 
+from srprov.definitions.containermodel import Runtime
 from srprov.modules.kept_script import TOLD
 from srprov.wire import quote
 
@@ -29,6 +30,8 @@ _ENGINES = (
 
 _OF_ROOT = ("/run/dbus", "/run/systemd")
 """Folders with sockets of what does as root tells it, also root in a container."""
+SHARED_MEMORY = "/dev/shm"  # noqa: S108 - the robot's own
+"""What a container has of the robot with `ipc: host`, to write to as any mounted folder."""
 
 
 def mount_kind(source: str) -> tuple[str, str]:
@@ -57,6 +60,13 @@ def plain(source: str) -> str:
     path = posixpath.normpath("/" + source.lstrip("/"))
     # a link to it on every robot
     return path.removeprefix("/var") if path == "/var/run" or path.startswith("/var/run/") else path
+
+
+def written_by(run: Runtime) -> Iterator[str]:
+    """Yield the robot's paths that a container may write to."""
+    yield from (mount.source for mount in run.mounts if mount.kind == "bind" and not mount.read_only)
+    if run.ipc == "host":
+        yield SHARED_MEMORY
 
 
 def below(folders: Iterable[str]) -> Callable[[str], bool]:

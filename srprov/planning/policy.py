@@ -17,7 +17,7 @@ from srprov.definitions.containermodel import ContainerDefinition, Port, Runtime
 from srprov.definitions.model import Experiment, NetworkSettings, Service
 from srprov.errors import RefusedError
 from srprov.image_reference import parse_reference
-from srprov.modules.mount_kind import GRAVE, below, mount_kind, plain
+from srprov.modules.mount_kind import GRAVE, below, mount_kind, plain, written_by
 from srprov.network.identity import is_for_overlays
 from srprov.planning.image_origin import not_from_a_registry
 from srprov.planning.log_options import of_logging
@@ -54,7 +54,7 @@ _REALTIME = ("memlock", "nice", "rtprio", "rttime")
 """Limits that take memory or the processor away from everything else on the robot."""
 _FIRST_FREE_PORT = 1024
 _Places = Callable[[str], bool]
-_DEVICES = re.compile("/dev/(?!shm/)")
+_DEVICES = re.compile(r"/dev/(?!shm(/|\Z))")
 _ELSEWHERE = "not below /dev, as in a volume or a container's own files"
 _OTHERS = "below a folder that a container of the experiment writes to"
 _READ_ONLY = "read-only, but for what is mounted below it"
@@ -143,8 +143,7 @@ def _of_network(settings: NetworkSettings) -> Iterator[Permission]:
 
 def _written(experiment: Experiment) -> _Places:
     """Return what tells whether containers of the experiment may write to a robot's path: it is what these want."""
-    mounts = (mount for service in experiment.services.values() for mount in service.runtime.mounts)
-    return below(mount.source for mount in mounts if mount.kind == "bind" and not mount.read_only)
+    return below(path for service in experiment.services.values() for path in written_by(service.runtime))
 
 
 def _of_service(service: Service, written: _Places) -> Iterator[Permission]:

@@ -202,6 +202,20 @@ def test_what_is_mounted_below_a_read_only_path_is_written_to(tmp_path: Path, wa
         checked_by(look, (tmp_path / "top", True), (tmp_path / "top/disk/x", True))
 
 
+@pytest.mark.parametrize(("ipc", "refused"), [("host", True), ("private", False)])
+def test_shared_memory_by_another_name_is_refused_beside_who_writes_to_it(
+    tmp_path: Path, ipc: str, refused: bool
+) -> None:
+    """A container in the robot's IPC namespace has it without a mount; `/run/shm` is a link to it on some robots."""
+    (tmp_path / "shm").symlink_to("/dev/shm")
+    steps = plan_for(World().add("r1"), experiment(service("s0"))).steps
+    mount = Mount(kind="bind", source=f"{tmp_path}/shm/none", target="/x")
+    placed = [("r1", service("a", ipc=ipc)), ("r1", service("b", mounts=(mount,)))]
+    how = pytest.raises(UsageError, match="shm/none, which 'b' mounts, lies in") if refused else nullcontext()
+    with how:
+        check_writers(steps, placed, cast("Gathering", Here(SHELLS[0])))
+
+
 @pytest.mark.parametrize("shell", SHELLS, ids=lambda shell: shell[0])
 def test_other_paths_are_mounted_as_ever(tmp_path: Path, shell: tuple[str, ...]) -> None:
     """One folder by two names, what lies above, what nobody writes to, and what was asked for as what it is."""

@@ -138,6 +138,22 @@ def test_what_lies_below_a_folder_that_a_container_writes_to_is_whatever_that_wa
     assert any("a link there leads anywhere" in what.what for what in asked) == grave
 
 
+@pytest.mark.parametrize(
+    ("ipc", "source", "kind"),
+    [
+        ("host", "/dev/shm/x", "docker-socket"),
+        ("host", "/dev//shm/./x/y", "docker-socket"),
+        ("host", "/dev/shm", "host-path"),
+        ("host", "/dev/shmem/x", "host-path"),
+        ("private", "/dev/shm/x", "host-path"),
+    ],
+)
+def test_a_container_in_the_robot_s_ipc_namespace_writes_to_its_shared_memory(ipc: str, source: str, kind: str) -> None:
+    """It has the robot's /dev/shm without a mount, and puts links there as into any folder."""
+    asked = permissions(experiment(service("a", ipc=ipc), service("b", mounts=(bind(source),))))
+    assert [one.kind for one in asked if one.service == "b"] == [kind]
+
+
 def test_thousands_of_paths_are_compared_in_time() -> None:
     """As many, and as deep, as the files of an experiment can hold."""
     many = tuple(bind(f"/srv/{number}") for number in range(20_000))
@@ -157,7 +173,8 @@ def test_a_device_in_a_folder_that_a_container_writes_to_may_be_any() -> None:
 
 
 @pytest.mark.parametrize(
-    "path", ["/var/lib/docker/volumes/srprov.hello.v/_data/tty", "/dev/../proc/1/root/dev/sda", "/dev/shm/tty"]
+    "path",
+    ["/var/lib/docker/volumes/srprov.hello.v/_data/tty", "/dev/../proc/1/root/dev/sda", "/dev/shm/tty", "/dev/./shm/"],
 )
 def test_a_device_elsewhere_than_below_dev_may_be_any(path: str) -> None:
     """So a container makes one in a volume of its own; and a plan file says which path that is."""
