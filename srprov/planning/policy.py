@@ -54,7 +54,8 @@ _REALTIME = ("memlock", "nice", "rtprio", "rttime")
 """Limits that take memory or the processor away from everything else on the robot."""
 _FIRST_FREE_PORT = 1024
 _Places = Callable[[str], bool]
-_DEVICES = re.compile(r"/dev/(?!shm(/|\Z))")
+_DEVICES = re.compile(r"/dev/(?!(shm|fd)(/|\Z))")
+"""Not what containers write to, nor a link to what a process has open, behind which `..` leads anywhere."""
 _ELSEWHERE = "not below /dev, as in a volume or a container's own files"
 _OTHERS = "below a folder that a container of the experiment writes to"
 _READ_ONLY = "read-only, but for what is mounted below it"
@@ -212,7 +213,8 @@ def _paths(run: Runtime, written: _Places) -> Iterator[tuple[str, str]]:
 
 def _hardware(run: Runtime, written: _Places) -> Iterator[tuple[str, str]]:
     for path, _, rights in run.devices:
-        where = _OTHERS if written(path) else "" if _DEVICES.match(plain(path)) else _ELSEWHERE
+        below_dev = _DEVICES.match(plain(path)) and ".." not in path.split("/")  # an engine goes by links first
+        where = _OTHERS if written(path) else "" if below_dev else _ELSEWHERE
         if where:
             yield "privileged", f"the device {path} ({rights}; {where}: it may be any device)"
         else:

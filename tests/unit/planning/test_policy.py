@@ -174,7 +174,15 @@ def test_a_device_in_a_folder_that_a_container_writes_to_may_be_any() -> None:
 
 @pytest.mark.parametrize(
     "path",
-    ["/var/lib/docker/volumes/srprov.hello.v/_data/tty", "/dev/../proc/1/root/dev/sda", "/dev/shm/tty", "/dev/./shm/"],
+    [
+        "/var/lib/docker/volumes/srprov.hello.v/_data/tty",
+        "/dev/../proc/1/root/dev/sda",
+        "/dev/shm/tty",
+        "/dev/./shm/",
+        "/dev/fd/../root/srv/data/tty",
+        "/dev/fd/7",
+        "/dev/disk/../sda",
+    ],
 )
 def test_a_device_elsewhere_than_below_dev_may_be_any(path: str) -> None:
     """So a container makes one in a volume of its own; and a plan file says which path that is."""
