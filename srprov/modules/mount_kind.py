@@ -21,9 +21,10 @@ _SOCKETS = (
 )
 _ENGINES = (
     *("/run/docker", "/run/containerd", "/run/podman", "/run/containers", "/run/srprov", "/run/user"),
-    *("/run/balena-engine", "/run/crio", "/run/k3s", "/run/lxd"),
+    *("/run/balena-engine", "/run/crio", "/run/k3s", "/run/k0s", "/run/lxd", "/run/incus"),
     *("/var/lib/docker", "/var/lib/containerd", "/var/lib/containers", "/var/lib/srprov"),
-    *("/var/lib/balena-engine", "/var/lib/lxd", "/var/lib/rancher", "/var/snap/docker", "/var/snap/lxd"),
+    *("/var/lib/balena-engine", "/var/lib/lxd", "/var/lib/incus", "/var/lib/rancher", "/var/lib/k0s"),
+    *("/var/snap/docker", "/var/snap/lxd", "/var/snap/microk8s"),
 )
 """Folders in which engines, or srprov, keep sockets, images, volumes or secrets: /run/user of those without root."""
 

@@ -208,6 +208,7 @@ def test_what_a_later_mount_hides_counts_for_nothing(tmp_path: Path, shell: tupl
     [
         *("/run/crio/crio.sock", "/run/k3s", "/var/run/balena-engine.sock", "/var/snap/docker/common", "/var/snap"),
         *("/run/snapd.socket", "/var/lib/rancher/k3s", "/run/lxd/unix.socket", "/run/cri-dockerd.sock"),
+        *("/var/lib/incus/unix.socket", "/run/incus", "/run/k0s/containerd.sock", "/var/lib/k0s", "/var/snap/microk8s"),
     ],
 )
 def test_other_engines_give_the_robot_away_too(path: str) -> None:
