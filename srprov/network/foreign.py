@@ -9,10 +9,12 @@ from __future__ import annotations
 import bisect
 from collections.abc import Iterable, Iterator, Mapping
 from ipaddress import IPv4Network, IPv6Network, ip_network
+from typing import Any
 
 import msgspec
 
 from srprov.facts.model import HostFacts, Snapshot
+from srprov.untrusted import mapping, string
 
 LARGEST = 8
 """Shortest prefix that counts as somebody's: a default route, or the two halves that a VPN puts in its place, use
@@ -53,15 +55,37 @@ def foreign_uses(
                 yield _of_network(robot, thing.name, thing.state)
     for robot, facts in sorted(snapshot.facts.items()):
         yield from _on_robot(robot, facts, names, ours)
+    for robot, held in sorted(snapshot.records.items()):
+        yield from _members(robot, held, instance)
 
 
 def of_robot(robot: str, instance: str, names: tuple[str, str], snapshot: Snapshot) -> Iterator[ForeignUse]:
-    """Return what a robot itself says that others have on it; its placement records are about all robots."""
+    """Return what a robot itself says that others have on it, and whom they reach from there.
+
+    What else its placement records say is about all robots.
+    """
     for thing in snapshot.observed.get(robot, ()):
         if "subnet" in thing.state and thing.instance != instance:
             yield _of_network(robot, thing.name, thing.state)
     if robot in snapshot.facts:
         yield from _on_robot(robot, snapshot.facts[robot], names, None)
+    yield from _members(robot, snapshot.records.get(robot, {}), instance)
+
+
+def lost_on_the_way(vteps: Mapping[str, str], instance: str, snapshot: Snapshot) -> tuple[str, str, ForeignUse] | None:
+    """Return a robot, a peer's underlay address and the overlay of others into which the robot would send to it."""
+    on = {
+        robot: [_of_network(robot, one.name, one.state) for one in things if one.instance != instance]
+        for robot, things in sorted(snapshot.observed.items())
+        if robot in vteps
+    }
+    every = Ranges(use.subnet for uses in on.values() for use in uses)
+    near = {robot: peer for robot, vtep in vteps.items() if (peer := to_network(vtep)) and every.meet(peer)}
+    for robot, uses in on.items():
+        for name, peer in near.items():
+            if name != robot and (use := overlap(peer, uses)):
+                return robot, vteps[name], use
+    return None
 
 
 class Ranges:
@@ -135,6 +159,22 @@ def lifelines(facts: HostFacts, names: tuple[str, str]) -> Iterator[IPv4Network]
     for text in (facts.underlay_address, *facts.relies_on, *own):
         if (address := to_network(text)) is not None:
             yield address
+
+
+def _members(robot: str, held: Mapping[str, Mapping[str, Any]], instance: str) -> Iterator[ForeignUse]:
+    """Return the underlay addresses that other instances send to: a member may be in reach of nobody but its peers.
+
+    Where it is reached by the default route, no route says that its address is in use.
+    """
+    said: set[str] = set()
+    for other, placement in sorted(held.items()):
+        members = mapping(placement.get("robots")).values() if other != instance else ()
+        for one in members:
+            vtep = string(mapping(one).get("vtep"))
+            address = to_network(vtep) if vtep not in said else None
+            said.add(vtep)
+            if address is not None and address.prefixlen == address.max_prefixlen:
+                yield ForeignUse(f"{vtep}, a member of instance '{other}' (as {robot} says)", address)
 
 
 def _of_network(robot: str, name: str, state: Mapping[str, object]) -> ForeignUse:

@@ -19,6 +19,7 @@ from srprov.definitions.model import Experiment, NetworkSettings
 from srprov.errors import UsageError
 from srprov.facts.model import Snapshot
 from srprov.network.addresses import allocate, bridge_macs
+from srprov.network.foreign import lost_on_the_way
 from srprov.network.identity import identify
 from srprov.network.model import Overlay, Tunnel
 from srprov.network.record import PlacementRecord, read_record
@@ -57,6 +58,7 @@ def layout(
     if not on_overlay:
         return _named(instance, experiment, placed, underlays, {})
     _check_vteps(members, vteps, snapshot, persist=experiment.network.persist)
+    _check_ways(instance, vteps, snapshot)
     identity = identify(instance, experiment.network, snapshot, record, members)
     given = allocate(instance, identity.subnet, on_overlay, members, record)
     macs, bridges = _macs(instance, experiment, given.macs, vteps)
@@ -116,6 +118,17 @@ def _check_vteps(members: list[str], vteps: Mapping[str, str], snapshot: Snapsho
     if len(versions) > 1:
         raise UsageError(
             f"{versions[4]} has an IPv4 underlay address, {versions[6]} an IPv6 one", hint=hint, code=Code.UNDERLAY
+        )
+
+
+def _check_ways(instance: str, vteps: Mapping[str, str], snapshot: Snapshot) -> None:
+    """Refuse what would go to containers of another instance: any of them may take an address of their subnet."""
+    if lost := lost_on_the_way(vteps, instance, snapshot):
+        robot, peer, use = lost
+        raise UsageError(
+            f"{robot} would send what is for {peer} into {use.where}, whose subnet {use.subnet} has that address",
+            hint="destroy that instance, or give it another network.subnet",
+            code=Code.SUBNET,
         )
 
 

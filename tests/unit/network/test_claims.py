@@ -9,8 +9,9 @@ from srprov.definitions.model import NetworkSettings
 from srprov.errors import UsageError
 from srprov.facts.model import Link
 from srprov.network.identity import identify
+from srprov.network.layout import layout
 from srprov.network.record import PlacementRecord
-from tests.unit.assignment.worlds import found, robot
+from tests.unit.assignment.worlds import experiment, found, robot, service
 from tests.unit.network.test_identity import HELLO, NO_WISH, network
 
 BETA = {"r2": (network("beta", subnet="10.130.0.0/20", vni=77, port=4789),)}
@@ -38,6 +39,35 @@ def test_another_robot_s_word_gives_no_robot_a_subnet_that_it_routes_elsewhere()
             identify("hello", NetworkSettings(subnet="10.200.0.0/20"), there)
     theirs = found(robot("r1"), robot("r2"), observed={**BETA, "r1": (network("hello", subnet="10.130.0.0/20"),)})
     assert identify("hello", NO_WISH, theirs).subnet == HELLO.subnet
+
+
+def test_no_overlay_lies_over_a_member_of_another_one_that_only_its_peers_reach() -> None:
+    """By the default route, that is: a container could take its address, and be sent what the other overlay sends."""
+    beta = {"beta": {"robots": {"r9": {"vtep": "10.200.7.13"}, "r8": {"vtep": "10.0.0.0/8"}}}}
+    there = found(robot("r1"), robot("r2"), records={"r2": beta})
+    for near in ("10.200.7.0/24", "10.200.7.8/29", "10.200.0.0/20"):
+        with pytest.raises(UsageError, match=rf"{near} overlaps 10\.200\.7\.13, a member of .*'beta' \(as r2 says\)"):
+            identify("hello", NetworkSettings(subnet=near), there)
+    over = replace(there, records={"r1": {"beta": {"robots": {"r9": {"vtep": str(HELLO.subnet[77])}}}}})
+    assert identify("hello", NO_WISH, over).subnet != HELLO.subnet, "nor one that is chosen"
+    lie = replace(there, observed={"r1": (network("hello", subnet="10.200.0.0/20"),)})
+    assert identify("hello", NO_WISH, lie).subnet == HELLO.subnet, "nor by another robot's word"
+    own = replace(there, records={"r2": {"hello": beta["beta"]}})
+    assert str(identify("hello", NetworkSettings(subnet="10.200.0.0/20"), own).subnet) == "10.200.0.0/20"
+
+
+def test_no_member_is_sent_to_by_way_of_another_instance_s_overlay() -> None:
+    """It may have been there first: its containers would be sent what this one's robots say to each other."""
+    what = experiment(service("a"), service("b"))
+    placed = {"a": "r1", "b": "r2"}
+    over = {"r1": (network("beta", subnet="192.168.7.0/24"),)}
+    robots = robot("r1", underlay_address="10.0.0.1"), robot("r2", underlay_address="192.168.7.13")
+    with pytest.raises(UsageError, match=r"r1 would send what is for 192\.168\.7\.13 into network .*beta' on r1"):
+        layout(what, placed, found(*robots, observed=over))
+    own = {"r2": over["r1"]}
+    layout(what, placed, found(*robots, observed=own))  # its own word about where it is itself sends nobody anywhere
+    layout(what, placed, found(*robots, observed={"r3": over["r1"]}))
+    layout(what, placed, found(*robots))
 
 
 def test_what_a_robot_has_stays_though_a_route_came_later() -> None:
