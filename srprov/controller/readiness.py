@@ -27,7 +27,7 @@ from srprov.modules.mount_kind import GRAVE, mount_kind, plain
 from srprov.planning.plan import Step
 from srprov.resource import Action
 from srprov.robot_answers import TooManyError
-from srprov.untrusted import folder, lines_of, mapping, text
+from srprov.untrusted import folder, integer, lines_of, mapping, text
 from srprov.wire import Query, Reply, quote
 
 _NEW = (Action.CREATE, Action.REPLACE)
@@ -52,10 +52,21 @@ def of_others(
             own.setdefault(robot, set()).update(service.runtime.expose)
     return {
         robot: tuple(
-            one for one in taken if one.instance != instance and (one.port, one.protocol) not in own.get(robot, ())
+            one
+            for one in (*taken, *_of_overlays(snapshot, robot))
+            if one.instance != instance and (one.port, one.protocol) not in own.get(robot, ())
         )
         for robot, taken in snapshot.taken.items()
     }
+
+
+def _of_overlays(snapshot: Snapshot, robot: str) -> Iterator[TakenPort]:
+    """Return the ports of a robot's overlays: also without their links, as since it booted, members send to them."""
+    for thing in snapshot.observed.get(robot, ()):
+        port = integer(thing.state.get("port", 0), high=65535) if thing.module == "network" else 0
+        if port:
+            by = f"the overlay of instance '{thing.instance}'"
+            yield TakenPort(address="", port=port, protocol="udp", by=by, instance=thing.instance)
 
 
 class Placed(Protocol):

@@ -80,7 +80,7 @@ def ports(given: _Given, project: Project, at: Path) -> dict[str, Any]:
             project.notes.adapted((*path, "published"), f"the first of {written}")
         port = (str(one.get("host_ip") or ""), int(written.partition("-")[0] or target), target, protocol)
         if on_overlay(given) and of_links(port):
-            project.notes.refused(path, f"overlays send from UDP port {port[1]}: publish another one")
+            project.notes.refused(path, f"overlays have UDP port {port[1]}: publish another one")
             continue
         found.append(port)
     if not found:

@@ -24,13 +24,13 @@ EVERYWHERE = ("", "0.0.0.0", "::")  # noqa: S104 - compared with, never bound to
 """Addresses that stand for all of a robot's."""
 
 LINK_PORTS = range(768, 1024)
-"""UDP ports that overlays' links send from, and are let in from. The engine's proxy of a published one would send a
-container's words from there, to any address that a forged packet names."""
+"""UDP ports that overlays' links send from: the engine's proxy of one would send a container's words to anybody."""
+VXLAN_PORT = 4789  # of overlays that name none: who publishes it gets what members send while no link is there
 
 
 def of_links(port: Port) -> bool:
-    """Return whether a published port is one that the links of overlays send from."""
-    return port[3] == "udp" and port[1] in LINK_PORTS
+    """Return whether a published port is one that the links of overlays send from, or are sent to."""
+    return port[3] == "udp" and (port[1] in LINK_PORTS or port[1] == VXLAN_PORT)
 
 
 def ports_meet(one: Port, other: Port) -> bool:

@@ -12,7 +12,7 @@ from typing import Any
 
 import msgspec
 
-from srprov.definitions.containermodel import ContainerDefinition, Requirements, Runtime
+from srprov.definitions.containermodel import VXLAN_PORT, ContainerDefinition, Requirements, Runtime
 from srprov.definitions.playbookmodel import Playbook
 from srprov.definitions.secretmodel import SecretSource, SecretUse
 from srprov.definitions.trialsmodel import TrialDefinitions
@@ -121,7 +121,7 @@ class NetworkSettings(msgspec.Struct, frozen=True, kw_only=True):
     subnet: str | None = None
     mtu: int | None = None
     vni: int | None = None
-    port: int = 4789
+    port: int = VXLAN_PORT
     persist: bool = False
     """A unit of systemd restores the robots' links when they boot."""
     discovery: str = "multicast"

@@ -11,7 +11,7 @@ from typing import TypeVar
 
 from srprov.codes import Code
 from srprov.definitions import commandline, words
-from srprov.definitions.containermodel import LINK_PORTS, Port, of_links
+from srprov.definitions.containermodel import LINK_PORTS, VXLAN_PORT, Port, of_links
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
@@ -140,7 +140,7 @@ def ports(spec: str) -> tuple[Port, ...]:
     found = tuple((address, out, into, kind) for out, into in zip(published, inside, strict=True))
     if any(map(of_links, found)):
         low, high = LINK_PORTS[0], LINK_PORTS[-1]
-        raise ValueError(f"'{spec}' publishes a UDP port from {low} to {high}; overlays send from those")
+        raise ValueError(f"'{spec}' publishes UDP port {VXLAN_PORT}, or one from {low} to {high}; overlays have those")
     return found
 
 

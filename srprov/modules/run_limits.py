@@ -70,7 +70,7 @@ def broken(run: Runtime) -> Iterator[str]:
         if published not in _PORTS or into not in _PORTS or protocol not in _PROTOCOLS:
             yield f"ports: {published}:{into}/{protocol[:20]} cannot be"
         elif of_links(("", published, into, protocol)):
-            yield f"ports: {published}/{protocol} is one that overlays send from"
+            yield f"ports: {published}/{protocol} is one that overlays have"
     for port, protocol in run.expose:
         if port not in _PORTS or protocol not in _PROTOCOLS:
             yield f"expose: {port}/{protocol[:20]} cannot be"

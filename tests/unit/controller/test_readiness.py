@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from srprov.definitions.containermodel import Mount
+from srprov.definitions.model import NetworkSettings
 from srprov.errors import NoAssignment, UsageError
 from tests.bounded import bounded
 from tests.fakes import World
@@ -69,6 +70,16 @@ def test_the_ports_of_another_instance_are() -> None:
     with pytest.raises(NoAssignment) as caught:
         plan_for(world, experiment(service("b", ports=(("", 8080, 80, "tcp"),)), name="other"))
     assert caught.value.misses == {"b": {"r1": "port 8080/tcp is taken by container srprov.hello.a"}}
+
+
+def test_the_port_of_an_overlay_is_taken_also_while_its_link_is_not_there() -> None:
+    """As since the robot booted: members send to it, and the engine would hand it to whoever publishes the port."""
+    world = World().add("r1")
+    assert apply(world, experiment(service("a"), network=NetworkSettings(port=5001))).exit_code == 0
+    with pytest.raises(NoAssignment) as caught:
+        plan_for(world, experiment(service("b", ports=(("", 5001, 80, "udp"),)), name="other"))
+    assert caught.value.misses == {"b": {"r1": "port 5001/udp is taken by the overlay of instance 'hello'"}}
+    assert not plan_for(world, experiment(service("b", ports=(("", 5001, 80, "tcp"),)), name="other")).empty
 
 
 def test_where_nothing_is_new_nobody_is_asked() -> None:

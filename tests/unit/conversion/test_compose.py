@@ -137,7 +137,8 @@ def test_a_map_that_is_wrong_is_told(here: Path, capsys: pytest.CaptureFixture[s
     ("text", "says"),
     [
         ("services:\n  a:\n    image: x\n    network_mode: service:b\n  b: {image: x}\n", "c.yaml:4:5: refused: "),
-        ("services:\n  a:\n    image: x\n    ports: ['800:80/udp']\n", "refused: overlays send from UDP port 800"),
+        ("services:\n  a:\n    image: x\n    ports: ['800:80/udp']\n", "refused: overlays have UDP port 800"),
+        ("services:\n  a:\n    image: x\n    ports: ['4789:80/udp']\n", "refused: overlays have UDP port 4789"),
         ("services:\n  a:\n    image: x\n    volumes: ['../o:/o']\n", "c.yaml:4:15: refused: '../o' lies outside"),
         ("services:\n  a:\n    image: x:${TAG}\n", "c.yaml:3:12: error[SRP-171]: "),
         ("services:\n  a:\n    image: x\n    nonsense: 1\n", "c.yaml:4:5: error[SRP-170]: "),

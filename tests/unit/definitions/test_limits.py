@@ -41,8 +41,9 @@ EDFS = {
     ),
     "a port of overlays' links": (
         service("ports: ['127.0.0.1:760-770:760-770/udp']"),
-        "publishes a UDP port from 768 to 1023; overlays send from those",
+        "publishes UDP port 4789, or one from 768 to 1023; overlays have those",
     ),
+    "the port of overlays": (service("ports: ['4780-4790:80-90/udp']"), "publishes UDP port 4789, or one"),
     "a size": (service("shm_size: 99999999999999999t"), "is more than any machine has"),
     "a limit": (service(f"ulimits: {{nofile: {10**30}}}"), "expected"),
     "1e999": (service("cost: 1e999"), "expected a number"),

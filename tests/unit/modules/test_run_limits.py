@@ -27,6 +27,7 @@ NEVER = HealthCheck(test=("CMD", "true"), interval_s=1e9)
         ("cap_add", ("net_admin",)), ("devices", (("dev/x", "/dev/x", "rwm"),)), ("device_cgroup_rules", ("x",)),
         ("ports", (("", 0, 80, "tcp"),)), ("ports", (("", 80, 80, "TCP"),)), ("expose", ((70_000, "tcp"),)),
         ("ports", (("", 768, 80, "udp"),)), ("ports", (("127.0.0.1", 1023, 80, "udp"),)),
+        ("ports", (("", 4789, 80, "udp"),)),
         ("ports", tuple(("", port, port, "tcp") for port in range(1, 1002))), ("mem_limit", -1), ("cpus", -1.0),
         ("working_dir", "etc"), ("cpuset", "0-"), ("cpuset", "0,"), ("cpuset", "a"), ("runtime", "-x"),
         ("runtime", "a/b"), ("hostname", "a b"), ("hostname", "-"), ("cap_drop", ("all",)), ("mem_reservation", -1),
@@ -48,7 +49,8 @@ def test_what_an_edf_says_is_taken() -> None:
         restart="on-failure:3", ulimits=(("rtprio", 99, 99), ("memlock", -1, -1)), stop_grace_s=86_400.0, ipc="host",
         pid="host", gpus="all", cap_add=("NET_ADMIN",), devices=(("/dev/x", "/dev/y", "rw"),), healthcheck=check,
         device_cgroup_rules=("c 81:* rmw",),
-        ports=(("::", 65_535, 1, "udp"), ("", 767, 800, "udp"), ("", 800, 1, "tcp")), expose=((1, "tcp"),), cpus=0.5,
+        ports=(("::", 65_535, 1, "udp"), ("", 767, 800, "udp"), ("", 800, 1, "tcp"), ("", 4789, 1, "tcp")),
+        expose=((1, "tcp"),), cpus=0.5,
         cpuset="0-2,5", runtime="io.containerd.runc.v2", hostname="a.b", cap_drop=("ALL",), mem_reservation=1,
         oom_score_adj=-1000, labels={"srprovider": "x"}, logging=Logging(driver="local"), init=False,
     )  # fmt: skip
