@@ -17,6 +17,7 @@ from srprov.container_files import ContainerFiles, InContainer
 from srprov.controller.copied import Copied
 from srprov.controller.copied_in import Owner, tar_of
 from srprov.controller.copied_out import Target, unpack
+from srprov.definitions.paths import link_out
 from srprov.errors import UsageError
 
 
@@ -37,11 +38,11 @@ def place(word: str) -> InService | str:
     """Return what SOURCE or TARGET means: `SERVICE:/path`, else a path here, as `./a:b` is.
 
     Raises:
-        UsageError: It names a service, and no whole path.
+        UsageError: It names a service, and no whole path; or a link of a project leads elsewhere.
     """
     service, colon, path = word.partition(":")
     if not colon or "/" in service or service.startswith((".", "~")):
-        return word
+        return _here(word)
     if not service or not path.startswith("/"):
         hint = f"a path in a container begins with /; a file here that is called so is ./{word}"
         raise UsageError(f"'{word}' is no SERVICE:/path", hint=hint, code=Code.OPTION_VALUE)
@@ -49,6 +50,14 @@ def place(word: str) -> InService | str:
     return InService(
         service=service, path=_whole(path), content=content, folder=content or path.endswith("/")
     )  # fmt: skip
+
+
+def _here(path: str) -> str:
+    """Refuse a link that leads elsewhere: a stranger's may lead a copy to a key of the user's, or into his folders."""
+    if path != "-" and (link := link_out(path)):
+        hint = f"if you mean what it leads to, name that: {os.path.realpath(path)}"
+        raise UsageError(f"{link} is a link that leads out of its folder", hint=hint, code=Code.STRANGE_FILE)
+    return path
 
 
 def _whole(path: str) -> str:

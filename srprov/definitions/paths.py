@@ -9,6 +9,7 @@ also inside a folder.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import stat
 from collections.abc import Callable, Collection, Iterator
@@ -41,6 +42,16 @@ def inside(path: str, folder: str) -> bool:
 
 def _is_below(real: str, root: str) -> bool:
     return real == root or real.startswith(root.rstrip("/") + "/")
+
+
+def link_out(path: str) -> str:
+    """Return the first link named in a relative path that leads out of the folder in which it lies, or nothing.
+
+    With a project that was cloned come links of a stranger's: what a user means by a name in it lies there. A path from
+    the root is taken as it is.
+    """
+    named = [] if os.path.isabs(path) else itertools.accumulate(path.split("/"), os.path.join)
+    return next((one for one in named if os.path.islink(one) and not inside(one, os.path.dirname(one))), "")
 
 
 def hide_outside(problems: Collection[Diagnostic], *folders: str) -> list[Diagnostic]:

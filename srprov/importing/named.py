@@ -10,7 +10,7 @@ import os
 from collections.abc import Sequence
 
 from srprov.codes import Code
-from srprov.definitions.paths import inside
+from srprov.definitions.paths import inside, link_out
 from srprov.errors import Diagnostic
 from srprov.importing.normal import Refused
 from srprov.importing.position import Position
@@ -20,7 +20,7 @@ def check_named(files: Sequence[str]) -> None:
     """Refuse files that links lead out of the folder in which they are named.
 
     Of several files, that is the outermost folder of one that also holds the other by its name: a link to a folder in
-    a project leads out of it as well.
+    a project leads out of it as well. No link in a relative path leaves its own folder, whatever other files there are.
 
     Raises:
         Refused: One of them is such a file.
@@ -29,7 +29,7 @@ def check_named(files: Sequence[str]) -> None:
     for one in files:
         path = os.path.abspath(one)
         around = next(folder for folder in folders if path.startswith(f"{folder.rstrip('/')}/"))
-        if not inside(path, around):
+        if link_out(one) or not inside(path, around):
             message = "a link leads out of the folder in which it is named, and is not followed"
             hint = f"if you mean what it leads to, name that: {os.path.realpath(path)}"
             raise Refused([Diagnostic(Position(one), message, hint=hint, code=Code.OUTSIDE)])

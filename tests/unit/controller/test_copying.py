@@ -295,6 +295,32 @@ def test_words_are_read_as_docker_cp_reads_them(word: str, found: object) -> Non
     assert place(word) == found
 
 
+@pytest.mark.parametrize(
+    "word", ["key", "ssh", "ssh/", "ssh/.", "ssh/known", "./ssh/new", "folder/key", "way/key", "../here/key"]
+)
+def test_a_link_of_a_project_that_leads_out_of_its_folder_is_not_followed(
+    here: Path, monkeypatch: pytest.MonkeyPatch, word: str
+) -> None:
+    """A copy took a key of the user's into a container, or a container's files into a folder of the user's."""
+    away = here.parent / "away"
+    (away / "known").mkdir(parents=True)
+    (away / "id").write_text("secret")
+    (here / "folder").mkdir()
+    for name, leads_to in {"key": "../away/id", "ssh": str(away), "folder/key": "../key", "way": "folder"}.items():
+        (here / name).symlink_to(leads_to)
+    monkeypatch.chdir(here)
+    with pytest.raises(UsageError, match="is a link that leads out of its folder"):
+        place(word)
+    assert place(str(here / "ssh")) == str(here / "ssh")
+
+
+def test_a_link_that_stays_in_its_folder_is_followed(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (here / "2026").mkdir()
+    (here / "latest").symlink_to("2026")
+    monkeypatch.chdir(here)
+    assert [place(word) for word in ("latest/.", "./latest", "latest/new")] == ["latest/.", "./latest", "latest/new"]
+
+
 @pytest.mark.parametrize("word", ["a:", "a:x", ":/x"])
 def test_a_service_without_a_whole_path_is_refused(word: str) -> None:
     with pytest.raises(UsageError, match="is no SERVICE:/path"):

@@ -32,6 +32,7 @@ def private(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (project / "compose.yml").write_text(COMPOSE)
     (project / "swarm.yml").write_text(SWARMROB)
     (project / "built").symlink_to(away)
+    (tmp_path / "own.env").write_text("A=1\n")
     (project / "Dockerfile").symlink_to(away / "Dockerfile")
     for name in ("notes.yml", "vars.env", "more.yml"):
         (project / name).symlink_to(away / name)
@@ -45,6 +46,8 @@ def private(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("compose", "project/compose.yml", "--set", "A=1", "project/more.yml"),
         ("compose", "project/compose.yml", "--set", "A=1", "project/built/more.yml"),
         ("compose", "project/compose.yml", "--env-file", "project/vars.env"),
+        ("compose", "project/more.yml", "--env-file", "own.env"),  # a file of the user's, further up
+        ("compose", "project/built/more.yml"),
         ("compose", "project/compose.yml", "--set", "A=1", "--robot-map", "project/notes.yml"),
         ("swarmrob", "project/notes.yml"),
         ("swarmrob", "project/swarm.yml", "project/Dockerfile"),
