@@ -90,6 +90,10 @@ class _LazyGroup(click.Group):
         command = getattr(importlib.import_module(f"srprov.cli.{name}"), name)
         assert isinstance(command, click.Command)
         name_variables(command, f"SRPROV_{cmd_name.upper()}")
+        defaults = (ctx.default_map or {}).get(cmd_name, {})
+        for one in command.params:
+            if isinstance(one, click.Option) and one.is_flag and type(defaults.get(one.name)) in (int, float):
+                defaults[one.name] = str(defaults[one.name])  # click takes no number for yes or no
         return command
 
     def invoke(self, ctx: click.Context) -> object:

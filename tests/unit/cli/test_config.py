@@ -133,6 +133,19 @@ def test_an_option_that_is_called_as_a_verb_is_an_option(tmp_path: Path, name: s
     assert places(_VERBS, ConfigFile(path=path, own=True))["plan", parameter] == 1
 
 
+@pytest.mark.parametrize("key", sorted(PROJECT_KEYS))
+@pytest.mark.parametrize("value", ["0", "1", "0.5", "-3", "true", "'x'"])
+def test_a_number_for_an_option_that_is_yes_or_no_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], key: str, value: str
+) -> None:
+    """`verbose = 1` in a project's file was a traceback of each verb that has the option."""
+    write(tmp_path / "srprov.toml", f"{key} = {value}\n")
+    monkeypatch.chdir(tmp_path)
+    for verb in ("plan", "apply", "logs"):
+        run([verb, "none.edf", "-i", "none.yml"])
+    assert "a bug in srprov" not in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("mode", [0o664, 0o646, 0o777])
 def test_a_file_that_others_can_write_is_refused(tmp_path: Path, mode: int) -> None:
     """The hint says the command."""
