@@ -13,6 +13,7 @@ import msgspec
 
 from srprov import regular_file
 from srprov.codes import Code
+from srprov.definitions.paths import link_out
 from srprov.definitions.schema import MOST_BYTES, MOST_VALUES
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc import loader
@@ -96,18 +97,15 @@ def definition_files(paths: Sequence[str]) -> Iterator[str]:
     Hidden folders are left out, and so are links in a folder: they may lead out of it.
 
     Raises:
-        DefinitionError: A path is a link; whoever wants its file named it would find the link gone.
+        DefinitionError: A path is a link; whoever wants its file named it would find the link gone. Or a link in it
+            leads elsewhere: with a project that was cloned, to files of the user's.
     """
     for path in paths:
-        if os.path.islink(path) and not os.path.isdir(path):
+        why = "is a link, which would be replaced by a file" if os.path.islink(path) and not os.path.isdir(path) else ""
+        if why or link_out(path):
+            why = why or "a link in it leads out of its folder, and nothing is written by way of it"
             hint = f"name the file itself: {os.path.realpath(path)}"
-            raise DefinitionError(
-                [
-                    Diagnostic(
-                        Location(path), "is a link, which would be replaced by a file", hint=hint, code=Code.IN_THE_WAY
-                    )
-                ]
-            )
+            raise DefinitionError([Diagnostic(Location(path), why, hint=hint, code=Code.IN_THE_WAY)])
         if not os.path.isdir(path):
             yield path
             continue

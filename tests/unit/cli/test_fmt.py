@@ -98,6 +98,21 @@ def test_what_has_no_form_is_told_and_the_others_are_done(
     assert text is None or (here / name).read_text() == text
 
 
+@pytest.mark.parametrize("word", ["away", "away/", "away/own.edf", "./away/below"])
+def test_no_file_is_written_by_way_of_a_link_that_leads_out(
+    here: Path, tmp_path_factory: pytest.TempPathFactory, capsys: pytest.CaptureFixture[str], word: str
+) -> None:
+    """Files of the user's were brought into form when a project had a link to their folder."""
+    own = tmp_path_factory.mktemp("own")
+    (own / "below").mkdir()
+    for file in (own / "own.edf", own / "below/own.edf"):
+        file.write_text(ODD)
+    (here / "away").symlink_to(own)
+    assert run(["fmt", word]) == 5
+    assert "nothing is written by way of it" in capsys.readouterr().err
+    assert (own / "own.edf").read_text() == ODD == (own / "below/own.edf").read_text()
+
+
 def test_a_link_that_is_named_is_refused(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "real.edf").write_text(ODD)
     (here / "link.edf").symlink_to("real.edf")
