@@ -46,6 +46,20 @@ def test_a_link_in_the_place_of_a_new_folder_is_refused(
     assert list(away.iterdir()) == []
 
 
+def test_no_file_of_an_example_is_written_by_way_of_a_link(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`init --example` in a project fills folders that may be there, and a link was taken for one."""
+    away, project = tmp_path / "away", tmp_path / "project"
+    for folder in (away, project):
+        folder.mkdir()
+    (project / "www").symlink_to(away)
+    monkeypatch.chdir(project)
+    assert run(["init", "--example", "hello"]) == 5
+    assert "already there: www" in capsys.readouterr().err
+    assert list(away.iterdir()) == [] and [one.name for one in project.iterdir()] == ["www"]
+
+
 def test_links_of_a_whole_path_are_the_user_s(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """He may keep what is large on another disk, and his temporary folder may be a link."""
     (tmp_path / "away").mkdir()
