@@ -11,6 +11,7 @@ a group by position, `robots[0]` and `robots[1:3]`, `@failed`, or `@FILE`, a fil
 from __future__ import annotations
 
 import fnmatch
+import os
 import re
 from collections.abc import Callable, Collection, Sequence
 
@@ -18,6 +19,7 @@ from srprov import regular_file
 from srprov.codes import Code
 from srprov.definitions import ranges
 from srprov.definitions.model import Inventory
+from srprov.definitions.paths import link_out
 from srprov.errors import UsageError, did_you_mean
 
 _SUBSCRIPT = re.compile(r"(?P<name>.+)\[(?:(?P<one>-?[0-9]+)|(?P<first>[0-9]*)[:-](?P<last>[0-9]*))\]", re.ASCII)
@@ -106,7 +108,13 @@ def _failed(inventory: Inventory, robots: Collection[str]) -> set[str]:
 
 
 def _of_file(inventory: Inventory, name: str) -> set[str]:
-    """Return the hosts that a file lists, one term per line; empty lines and `#` lines are passed over."""
+    """Return the hosts that a file lists, one term per line; empty lines and `#` lines are passed over.
+
+    One that matches nothing is shown, so a project's link to a file of the user's is not followed.
+    """
+    if link := link_out(name):
+        hint = f"if you mean what it leads to, name that: @{os.path.realpath(name)}"
+        raise UsageError(f"'@{name}': {link} is a link that leads out of its folder", hint=hint, code=Code.STRANGE_FILE)
     try:
         lines = [line.strip() for line in regular_file.read_text(name).split("\n")]
     except OSError as error:

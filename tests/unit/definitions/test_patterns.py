@@ -127,3 +127,16 @@ def test_a_list_that_is_no_list_is_an_error(tmp_path: Path, content: bytes | Non
         (tmp_path / "list").write_bytes(content)
     with pytest.raises(UsageError, match=said):
         select(LAB, f"@{tmp_path}/list")
+
+
+def test_no_line_of_a_file_elsewhere_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a project that was cloned come links, and what matches no robot is told."""
+    (tmp_path / "key").write_text("secret\n")
+    (tmp_path / "project").mkdir()
+    monkeypatch.chdir(tmp_path / "project")
+    Path("robots.txt").symlink_to(tmp_path / "key")
+    Path("up").symlink_to(tmp_path)
+    for term in ("@robots.txt", "@./robots.txt", "@up/key"):
+        with pytest.raises(UsageError, match="is a link that leads out of its folder") as refused:
+            select(LAB, term)
+        assert "secret" not in str(refused.value) + refused.value.hint
