@@ -14,8 +14,9 @@ import fnmatch
 import os
 import re
 from collections.abc import Callable, Collection, Sequence
+from typing import Any
 
-from srprov import regular_file
+from srprov import linear_regex, regular_file
 from srprov.codes import Code
 from srprov.definitions import ranges
 from srprov.definitions.model import Inventory
@@ -81,7 +82,9 @@ def _is_ipv6(text: str) -> bool:
     return text.count(":") > 1 and re.fullmatch(r"[&!]?[0-9a-fA-F:.]+", text) is not None
 
 
-def _match(inventory: Inventory, term: str, failed: Failed = _no_run) -> set[str]:
+def _match(
+    inventory: Inventory, term: str, failed: Failed = _no_run, compiled: Callable[[str], Any] = re.compile
+) -> set[str]:
     """Return the hosts of one term without its sign.
 
     Raises:
@@ -91,7 +94,7 @@ def _match(inventory: Inventory, term: str, failed: Failed = _no_run) -> set[str
         return _failed(inventory, failed())
     if term.startswith("@"):
         return _of_file(inventory, term[1:])
-    found = _find(inventory, term)
+    found = _find(inventory, term, compiled)
     if not found:
         suggestion = did_you_mean(term, [*inventory.hosts, *inventory.groups])
         hint = f"{suggestion} {_known(inventory)}".lstrip()
@@ -123,7 +126,7 @@ def _of_file(inventory: Inventory, name: str) -> set[str]:
     found: set[str] = set()
     for line in lines:
         if line and line[0] not in "#@":
-            found |= _match(inventory, line)
+            found |= _match(inventory, line, compiled=linear_regex.compiled)  # it may be a stranger's
         elif line.startswith("@"):
             raise UsageError(f"'@{name}': a list of robots cannot name another: '{line[:100]}'", code=Code.OPTION_VALUE)
     if not found:
@@ -131,11 +134,11 @@ def _of_file(inventory: Inventory, name: str) -> set[str]:
     return found
 
 
-def _find(inventory: Inventory, term: str) -> list[str]:
+def _find(inventory: Inventory, term: str, compiled: Callable[[str], Any]) -> list[str]:
     if term.startswith("~"):
         try:
-            regex = re.compile(term[1:])
-        except re.error as error:
+            regex = compiled(term[1:])
+        except (re.error, ValueError) as error:
             raise UsageError(f"'{term[1:]}' is not a regular expression: {error}", code=Code.OPTION_VALUE) from None
         return _named(inventory, lambda name: regex.match(name) is not None)
     direct = _wildcard(inventory, term)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Collection
 from pathlib import Path
 
@@ -140,3 +141,16 @@ def test_no_line_of_a_file_elsewhere_is_shown(tmp_path: Path, monkeypatch: pytes
         with pytest.raises(UsageError, match="is a link that leads out of its folder") as refused:
             select(LAB, term)
         assert "secret" not in str(refused.value) + refused.value.hint
+
+
+def test_a_regular_expression_in_a_list_takes_little_time(tmp_path: Path) -> None:
+    """A list and an inventory of a stranger's may be made for each other."""
+    name = "a" * 28
+    file = tmp_path / "robots.txt"
+    file.write_text("~(a+)+b\n")
+    before = time.process_time()
+    with pytest.raises(UsageError, match="matches no host"):
+        select(Inventory(hosts={name: Host(name=name, address="10.0.0.1")}, groups={}), f"@{file}")
+    assert time.process_time() - before < 2
+    file.write_text("~robot0[12]\n")
+    assert select(LAB, f"@{file}") == ("robot01", "robot02")
