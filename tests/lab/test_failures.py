@@ -61,7 +61,7 @@ def test_robots_that_cannot_be_reached_are_named_and_the_others_done(mended: Lab
     inventory = part_of_lab(lab, [*robots, "robot4", "robot5"], tmp_path / "more.yml", robot4={"ansible_port": 2222})
     changed = {"a": busybox("sleep", "4711"), "b": busybox(), "c": busybox()}
     path.write_text(edf("three", changed), encoding="utf-8")
-    common = (str(path), "-i", inventory, "--timeout", "20")
+    common = (str(path), "-i", inventory, "--timeout", "12")
 
     planned = lab.srprov("plan", *common)
     assert planned.code == 4, planned
@@ -114,7 +114,7 @@ def test_a_service_does_not_start_before_one_whose_robot_is_gone(mended: Lab, tm
     lab.srprov("lab", "kill", "robot1")
     ordered = {**alone, "then": busybox(robot="robot2", depends_on=["first"])}
     path.write_text(edf("ordered", ordered, placement=slots), encoding="utf-8")
-    applied = lab.srprov("apply", str(path), "-i", inventory, "--yes", "--json", "--settle", "0", "--timeout", "20")
+    applied = lab.srprov("apply", str(path), "-i", inventory, "--yes", "--json", "--settle", "0", "--timeout", "12")
     assert applied.code == 4, applied
     ends = {step["id"]: (step["outcome"], step["message"]) for step in applied.json["steps"]}
     outcome, why = ends["robot2/container:srprov.ordered.then"]

@@ -114,7 +114,7 @@ def test_a_copy_on_a_robot_that_comes_back_is_told_apart_and_removed(lab_of_modu
         address = address_of(lab, old, "srprov.twin.a")
         assert lab.srprov("lab", "partition", old).code == 0
         try:
-            common = ("--unreachable", "reassign", "--timeout", "20")
+            common = ("--unreachable", "reassign", "--timeout", "12")
             planned = lab.srprov("plan", *words, *common)
             assert f"a may still run on {old}, which cannot be reached" in planned.out, planned
             moved = lab.srprov("apply", *words, *common, "--yes", "--json", "--settle", "0")
