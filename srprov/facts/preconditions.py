@@ -14,8 +14,9 @@ from collections.abc import Iterator, Sequence
 import msgspec
 
 from srprov.facts.model import HostFacts
+from srprov.facts.runc import REMEDY, RUNC, runc
 from srprov.time_sync import TimeSync
-from srprov.wire import Query, Reply
+from srprov.wire import AnyQuery, Query, Reply
 
 _TOOLS = {
     "ip": "iproute2",
@@ -65,7 +66,7 @@ class Clock(msgspec.Struct, frozen=True, kw_only=True):
     """None: by nothing that is known."""
 
 
-def precondition_queries() -> tuple[Query, ...]:
+def precondition_queries() -> tuple[AnyQuery, ...]:
     """Return the questions that facts do not answer; they only read."""
     programs = " ".join(_TOOLS)
     return (
@@ -82,6 +83,7 @@ def precondition_queries() -> tuple[Query, ...]:
             command="nft list tables >/dev/null 2>&1 && echo nftables && exit; "
             "iptables -V >/dev/null 2>&1 && echo iptables && exit; echo none"
         ),
+        RUNC,
     )
 
 
@@ -93,11 +95,12 @@ def judge(facts: HostFacts, replies: Sequence[Reply], clock: Clock) -> tuple[Che
         replies: to `precondition_queries`, in its order.
         clock: its clock, as measured.
     """
-    programs, vxlan, forwarding, as_json, rules = replies
+    programs, vxlan, forwarding, as_json, rules, version = replies
     return (
         _rights(facts),
         *_programs(programs, as_json),
         _engine(facts),
+        _check("runc", *runc(version), REMEDY, Verdict.WARNING),
         *_network(facts, vxlan, forwarding),
         _rules(rules),
         _wireguard(facts),

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 from msgspec.structs import replace
 
 from srprov.facts.model import Docker, HostFacts
 from srprov.facts.preconditions import Check, Clock, Verdict, judge, precondition_queries
+from srprov.facts.runc import runc
 from srprov.time_sync import TimeSync
 from srprov.wire import Reply
 
@@ -21,7 +24,8 @@ WELL = HostFacts(
     user="root",
 )
 RIGHT = Clock(offset_s=0.0004, error_s=0.0015, kept_by=None)
-GOOD = ("", "loaded\n", "1\n", '[{"ifname":"lo"}]', "nftables\n")
+RUNC = '{"Components": [{"Name": "containerd", "Version": "1.6.20"}, {"Name": "runc", "Version": "1.3.3"}]}'
+GOOD = ("", "loaded\n", "1\n", '[{"ifname":"lo"}]', "nftables\n", RUNC)
 
 
 def replies(*texts: str) -> list[Reply]:
@@ -52,7 +56,7 @@ def test_a_robot_that_has_all_is_well() -> None:
     [
         ({"privileged": False, "user": "pi"}, GOOD, "root", Verdict.FAILED, "sudo"),
         ({}, ("bridge\nflock\n", *GOOD[1:]), "programs", Verdict.FAILED, "apt-get install iproute2 util-linux"),
-        ({}, (*GOOD[:3], "1: lo: <LOOPBACK>", GOOD[4]), "iproute2", Verdict.FAILED, "iproute2 5.0"),
+        ({}, (*GOOD[:3], "1: lo: <LOOPBACK>", *GOOD[4:]), "iproute2", Verdict.FAILED, "iproute2 5.0"),
         ({"docker": None, "docker_problem": "docker: not found"}, GOOD, "docker", Verdict.FAILED, "docker.io"),
         ({"wireguard": "", "wireguard_problem": "it has no wg"}, GOOD, "wireguard", Verdict.WARNING, "wireguard-tools"),
         ({"docker": Docker(version="19.03", api_version="1.40")}, GOOD, "docker", Verdict.FAILED, "update"),
@@ -67,7 +71,8 @@ def test_a_robot_that_has_all_is_well() -> None:
         ({"underlay_address": ""}, GOOD, "underlay", Verdict.FAILED, "srprov_underlay"),
         ({"underlay_mtu": 576}, GOOD, "mtu", Verdict.WARNING, "1280"),
         ({}, (*GOOD[:2], "0\n", *GOOD[3:]), "forwarding", Verdict.WARNING, "ip_forward"),
-        ({}, (*GOOD[:4], "none\n"), "rules", Verdict.FAILED, "apt-get install nftables"),
+        ({}, (*GOOD[:4], "none\n", RUNC), "rules", Verdict.FAILED, "apt-get install nftables"),
+        ({}, (*GOOD[:5], RUNC.replace("1.3.3", "1.1.5+ds1")), "runc", Verdict.WARNING, "1.2.8"),
         ({"disk_free": 2**20}, GOOD, "disk", Verdict.WARNING, "prune"),
     ],
 )
@@ -86,6 +91,36 @@ def test_programs_that_nobody_asked_for_are_not_reported() -> None:
     checks = by_name(judge(WELL, replies("$(reboot)\n", *GOOD[1:]), RIGHT))
 
     assert checks["programs"].verdict is Verdict.OK
+
+
+@pytest.mark.parametrize(
+    ("version", "commit", "mended"),
+    [
+        ("1.2.8", "v1.2.8-0-geeb7e602", True),
+        ("1.2.7", "v1.2.7-0-gb8dbf3f", False),
+        ("1.3.2", "", False),
+        ("1.3.6+ds1", "1.3.6+ds1-1", True),
+        ("1.4.0", "", True),
+        ("2.0.0", "", True),
+        ("1.1.12", "v1.1.12-0-g51d5e946", False),
+        ("1.1.5+ds1", "1.1.5+ds1-1+deb12u1", False),
+        ("1.1.15+ds1", "1.1.15+ds1-2+deb13u1", True),
+        ("1.1.15+ds1", "1.1.15+ds1-2", False),
+        ("unknown", "", True),
+    ],
+)
+def test_a_runc_that_lets_containers_out_is_told(version: str, commit: str, mended: bool) -> None:
+    said = {"Components": [{"Name": "runc", "Version": version, "Details": {"GitCommit": commit}}]}
+    found, words = runc(Reply(status=200, out=json.dumps(said)))
+    assert found is mended
+    assert version in words or version == "unknown"
+
+
+@pytest.mark.parametrize(
+    "out", ["", "[]", "{}", '{"Components": 7}', '{"Components": [{"Name": "runc", "Version": 7}]}']
+)
+def test_of_a_runc_that_is_not_told_nothing_is_said(out: str) -> None:
+    assert runc(Reply(status=200, out=out))[0] and runc(Reply(status=0, out=out))[0]
 
 
 @pytest.mark.parametrize(
