@@ -7,6 +7,7 @@ holds git to sizes and times, and nothing that it fetched is ever checked out.
 from __future__ import annotations
 
 import os
+import secrets
 import subprocess
 import time
 from collections.abc import Mapping, Sequence
@@ -47,13 +48,13 @@ class GitError(ValueError):
 
 
 def run(
-    arguments: Sequence[str], *, transport: str = "none", most: int, seconds: float, given: BinaryIO | None = None
+    arguments: Sequence[str], *, transport: str = "", most: int, seconds: float, given: BinaryIO | None = None
 ) -> bytes:
     """Run git and return what it printed.
 
     Args:
         arguments: Its command and what belongs to it.
-        transport: The one way by which it may reach a repository: `https`, `ssh` or `file`.
+        transport: The one way by which it may reach a repository: `https`, `ssh` or `file`; empty: none.
         most: Bytes that it may print.
         seconds: After which it is ended.
         given: What it reads.
@@ -98,7 +99,8 @@ def _environment(own: Mapping[str, str], transport: str) -> dict[str, str]:
         "GIT_ATTR_NOSYSTEM": "1",
         "GIT_NO_REPLACE_OBJECTS": "1",
         "GIT_NO_LAZY_FETCH": "1",
-        "GIT_ALLOW_PROTOCOL": transport,
+        # a repository's settings may call any word a protocol, and name a program for it: here, one that nobody knows
+        "GIT_ALLOW_PROTOCOL": transport or secrets.token_hex(16),
         "GIT_TERMINAL_PROMPT": "0",
         "GIT_ASKPASS": "/bin/false",
         "SSH_ASKPASS": "/bin/false",

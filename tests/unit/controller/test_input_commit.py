@@ -13,6 +13,7 @@ import pytest
 
 from srprov.controller.input_commit import source_commit
 from srprov.controller.input_files import InputFile
+from srprov.git import program
 
 
 def planned(folder: Path) -> Any:
@@ -66,6 +67,29 @@ def test_no_file_of_this_machine_is_told_by_way_of_a_repository(tmp_path: Path) 
         found = repr(source_commit(planned(tmp_path / top), {}))
         assert commit not in found and "7e57" not in found, top
         assert "'commit': None" in found, top
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("url", "none::x"), ("url", "::x"), ("url", "ext::touch MARK"), ("vcs", "none"), ("vcs", "")]
+)
+def test_a_git_that_fetches_what_is_missing_runs_no_program_for_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, value: str
+) -> None:
+    """GIT_NO_LAZY_FETCH is new in git 2.39.4; before, an alias took the place of the program of a made-up protocol."""
+    top, mark, whole = tmp_path / "x", tmp_path / "mark", program._environment
+    monkeypatch.setattr(program, "_environment", lambda *given: {**whole(*given), "GIT_NO_LAZY_FETCH": "0"})
+    subprocess.run(["git", "init", "-q", str(top)], check=True)
+    settings = {
+        "core.repositoryFormatVersion": "1", "extensions.partialClone": "origin", "remote.origin.promisor": "true",
+        "remote.origin.url": "x", f"remote.origin.{name}": value.replace("MARK", str(mark)),
+        "alias.remote-none": f"!touch {mark};:", "alias.remote-": f"!touch {mark};:", "protocol.allow": "always",
+    }  # fmt: skip
+    for key, text in settings.items():
+        subprocess.run(["git", "-C", str(top), "config", key, text], check=True)
+    (top / ".git/HEAD").write_text("1" * 40)
+    found = source_commit(planned(top), {})
+    assert found is not None and found["commit"] is None
+    assert not mark.exists(), mark
 
 
 def test_a_worktree_and_a_submodule_have_their_own_commit(tmp_path: Path) -> None:
