@@ -70,7 +70,8 @@ with soft_interrupt(stop):
 
 def test_a_signal_in_the_middle_of_an_import_waits_for_its_end(tmp_path: Path) -> None:
     """An import that is left in its middle leaves importlib's lock held, and whoever imports next waits for ever."""
-    code = "import os, signal, time\nos.kill(os.getpid(), signal.SIGTERM)\ntime.sleep(0.3)\n"
+    lines = "import os, signal, time", "os.kill(os.getpid(), signal.SIGTERM)", "time.sleep(0.3)", "print('imported')"
+    code = "\n".join(lines)
     (tmp_path / "slow.py").write_text(code)
     script = """
 import sys, time
@@ -78,7 +79,6 @@ from srprov.cli.interrupt import as_interrupt
 as_interrupt()
 try:
     import slow
-    print("imported", flush=True)
     time.sleep(20)
 except KeyboardInterrupt:
     print("left")
