@@ -49,10 +49,8 @@ def foreign_uses(
             if other != instance and (other, *claim) not in said:  # of every robot: none can hide another's claim
                 said.add((other, *claim))
                 yield _of_another(f"instance '{other}' (as {robot} says)", *claim)
-    for robot, things in sorted(snapshot.observed.items()):
-        for thing in things:
-            if "subnet" in thing.state and thing.instance != instance:
-                yield _of_network(robot, thing.name, thing.state)
+    for robot in sorted(snapshot.observed):
+        yield from _networks(robot, instance, snapshot)
     for robot, facts in sorted(snapshot.facts.items()):
         yield from _on_robot(robot, facts, names, ours)
     for robot, held in sorted(snapshot.records.items()):
@@ -64,9 +62,7 @@ def of_robot(robot: str, instance: str, names: tuple[str, str], snapshot: Snapsh
 
     What else its placement records say is about all robots.
     """
-    for thing in snapshot.observed.get(robot, ()):
-        if "subnet" in thing.state and thing.instance != instance:
-            yield _of_network(robot, thing.name, thing.state)
+    yield from _networks(robot, instance, snapshot)
     if robot in snapshot.facts:
         yield from _on_robot(robot, snapshot.facts[robot], names, None)
     yield from _members(robot, snapshot.records.get(robot, {}), instance)
@@ -74,11 +70,7 @@ def of_robot(robot: str, instance: str, names: tuple[str, str], snapshot: Snapsh
 
 def lost_on_the_way(vteps: Mapping[str, str], instance: str, snapshot: Snapshot) -> tuple[str, str, ForeignUse] | None:
     """Return a robot, a peer's underlay address and the overlay of others into which the robot would send to it."""
-    on = {
-        robot: [_of_network(robot, one.name, one.state) for one in things if one.instance != instance]
-        for robot, things in sorted(snapshot.observed.items())
-        if robot in vteps
-    }
+    on = {robot: [*_networks(robot, instance, snapshot)] for robot in sorted(snapshot.observed.keys() & vteps.keys())}
     every = Ranges(use.subnet for uses in on.values() for use in uses)
     near = {robot: peer for robot, vtep in vteps.items() if (peer := to_network(vtep)) and every.meet(peer)}
     for robot, uses in on.items():
@@ -177,8 +169,12 @@ def _members(robot: str, held: Mapping[str, Mapping[str, Any]], instance: str) -
                 yield ForeignUse(f"{vtep}, a member of instance '{other}' (as {robot} says)", address)
 
 
-def _of_network(robot: str, name: str, state: Mapping[str, object]) -> ForeignUse:
-    return _of_another(f"network '{name}' on {robot}", *(state.get(key) for key in ("subnet", "vni", "port")))
+def _networks(robot: str, instance: str, snapshot: Snapshot) -> Iterator[ForeignUse]:
+    """Yield what the Docker networks on a robot use, but for the instance's own."""
+    for thing in snapshot.observed.get(robot, ()):
+        if "subnet" in thing.state and thing.instance != instance:
+            claim = (thing.state.get(key) for key in ("subnet", "vni", "port"))
+            yield _of_another(f"network '{thing.name}' on {robot}", *claim)
 
 
 def _of_another(where: str, subnet: object, vni: object, port: object) -> ForeignUse:
