@@ -19,7 +19,8 @@ _LETTERS = {
 _ASKS = frozenset(name for name in _LETTERS if name.startswith(("mysql", "mariadb")))
 """The word after the option is no password: the program asks for one."""
 _TOKENS = re.compile(r"""\s+|[;&|]+|(?:"[^"]*"|'[^']*'|[^\s;&|"']+)+|["']""")
-_REFERENCE = re.compile(r"\$(?:\w+|[({].*)", re.DOTALL)
+REFERENCE = re.compile(r"\$(?:\w+|[({].*)", re.DOTALL)
+"""What a shell puts a value in the place of: it is no secret itself."""
 
 
 def masked_short(words: Sequence[str]) -> list[str]:
@@ -34,7 +35,6 @@ def _of_script(text: str) -> str:
 def _masked(tokens: Iterable[str]) -> Iterator[str]:
     option, asks, follows = "", False, False
     for token in tokens:
-        name = token.rsplit("/", 1)[-1]
         if not token.strip():
             yield token
         elif token.strip(";&|") == "":  # the next command of a script
@@ -51,10 +51,10 @@ def _masked(tokens: Iterable[str]) -> Iterator[str]:
         elif len(token.split()) > 1 and len(parts := _TOKENS.findall(token)) > 1:
             yield "".join(_masked(parts))
         else:
-            if name in _LETTERS:
+            if (name := token.rsplit("/", 1)[-1]) in _LETTERS:
                 option, asks = f"-{_LETTERS[name]}", name in _ASKS
             yield token
 
 
 def _hidden(value: str) -> str:
-    return value if _REFERENCE.fullmatch(value.strip("\"'")) else MASK
+    return value if REFERENCE.fullmatch(value.strip("\"'")) else MASK

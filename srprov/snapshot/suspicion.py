@@ -14,7 +14,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from srprov.redaction import MASK
-from srprov.snapshot.short_options import masked_short
+from srprov.snapshot.short_options import REFERENCE, masked_short
 
 LONGEST = 1 << 20
 """Characters of a text that are looked at; of a longer one all is taken for a secret."""
@@ -57,7 +57,6 @@ _OPTION = re.compile(
     (?P<value> "[^"\n]{1,4000}" | '[^'\n]{1,4000}' | [^\s;&|<>"'-][^\s;&|<>]{0,4000} )"""
 )
 """In a script of a command."""
-_REFERENCE = re.compile(r"\$(?:\w+|[({].*)", re.DOTALL)
 _CHANCE = re.compile(r"[A-Za-z0-9+/=_-]{20,500}")
 _LEAST_BITS = 3.6
 """Per character; words of a language, paths and names have less."""
@@ -135,7 +134,7 @@ def _of_assignment(match: re.Match[str]) -> str:
 
 def _assigned_secret(name: str, value: str) -> bool:
     """Return whether a value in a text is a secret by the name that it is assigned to."""
-    if value.lower() in _PLAIN or value == MASK or value.startswith("/run/secrets/") or _REFERENCE.fullmatch(value):
+    if value.lower() in _PLAIN or value == MASK or value.startswith("/run/secrets/") or REFERENCE.fullmatch(value):
         return False
     if name in _NO_SECRET or not secret_name(name):
         return False
