@@ -63,6 +63,12 @@ def names_beside(path: str | os.PathLike[str]) -> list[str]:
         return []
 
 
+def links_in(path: str) -> Iterator[str]:
+    """Return the links that are named in a relative path, in their order; none of a path from the root."""
+    named = [] if os.path.isabs(path) else itertools.accumulate(path.split("/"), os.path.join)
+    return filter(os.path.islink, named)
+
+
 def walk(
     top: str | os.PathLike[str], onerror: Callable[[OSError], None] | None = None
 ) -> Iterator[tuple[str, list[str], list[str]]]:

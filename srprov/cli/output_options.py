@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import itertools
 import os
 from collections.abc import Callable
 from typing import Any, TextIO, TypeVar
 
 import click
 
-from srprov import private
+from srprov import private, regular_file
 from srprov.cli.output import err
 from srprov.codes import Code
 from srprov.errors import UsageError
@@ -105,11 +104,8 @@ def no_link(_context: click.Context, _option: click.Parameter, folder: _T) -> _T
     above that is named in it may be such a link, too.
     """
     path = str(folder)
-    named = [] if os.path.isabs(path) else itertools.accumulate(path.split("/"), os.path.join)
-    for one in (os.path.abspath(path), *named):
-        if os.path.islink(one):
-            which = folder if one in (path, os.path.abspath(path)) else one
-            hint = "name the folder itself, or a new one: its whole path is taken as it is"
-            why = f"{which} is a link, and nothing is written by way of it"
-            raise UsageError(why, hint=hint, code=Code.STRANGE_FILE)
+    if link := folder if os.path.islink(os.path.abspath(path)) else next(regular_file.links_in(path), ""):
+        hint = "name the folder itself, or a new one: its whole path is taken as it is"
+        why = f"{link} is a link, and nothing is written by way of it"
+        raise UsageError(why, hint=hint, code=Code.STRANGE_FILE)
     return folder

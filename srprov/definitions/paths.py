@@ -9,7 +9,6 @@ also inside a folder.
 from __future__ import annotations
 
 import contextlib
-import itertools
 import os
 import stat
 from collections.abc import Callable, Collection, Iterator
@@ -50,8 +49,7 @@ def link_out(path: str) -> str:
     With a project that was cloned come links of a stranger's: what a user means by a name in it lies there. A path from
     the root is taken as it is.
     """
-    named = [] if os.path.isabs(path) else itertools.accumulate(path.split("/"), os.path.join)
-    return next((one for one in named if os.path.islink(one) and not inside(one, os.path.dirname(one))), "")
+    return next((one for one in regular_file.links_in(path) if not inside(one, os.path.dirname(one))), "")
 
 
 def hide_outside(problems: Collection[Diagnostic], *folders: str) -> list[Diagnostic]:
