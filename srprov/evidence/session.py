@@ -222,9 +222,9 @@ def _definitions(folder: str, edf: str, environ: Mapping[str, str]) -> Definitio
         first = error.problems[0]
         where = os.path.basename(first.location.file)
         raise NotThere(f"the definitions cannot be read: {where}: {first.message}") from None
-    for file in found.containers:
+    for file in found.experiment.files:  # also what a CDF extends: nothing may be told of this machine's files
         if not Path(file).is_relative_to(folder):
-            raise NotThere(f"a CDF is named by a path that only one machine has: {file[:200]}")
+            raise NotThere(f"a file of it is named by a path that only one machine has: {file[:200]}")
     return found
 
 

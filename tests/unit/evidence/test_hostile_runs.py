@@ -173,5 +173,17 @@ def test_variables_are_left_out_where_attempts_would_refer_to_very_many(
         assert crate_runs.environment(about) == []
 
 
+def test_a_file_of_this_machine_that_a_cdf_extends_says_nothing_of_itself(content: Content, tmp_path: Path) -> None:
+    """What it requires would show in the placement that follows: a robot of the bundle may have any memory."""
+    (tmp_path / "private.cdf").write_text("cdf: 1\nname: private\nimage: busybox\nrequires: {memory: 12345g}\n")
+    name = "sessions/1/inputs/runner.cdf"
+    text = content[name].decode().replace("common.cdf", f"{tmp_path}/private.cdf")
+    assert "private.cdf" in text
+    path = packed(with_manifest({**content, name: text.encode()}), tmp_path / "a.zip")
+    (said,) = (one.details[0] for one in verify(str(path)).findings if one.id == "D1")
+    assert "a path that only one machine has" in said
+    assert not any(one.id == "D4" for one in verify(str(path)).findings)
+
+
 def _said(words: str, path: Path) -> bool:
     return any(words in text for one in verify(str(path)).findings for text in one.details)
