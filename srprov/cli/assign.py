@@ -9,6 +9,7 @@ import click
 
 from srprov.cli import inputs, options
 from srprov.cli.output import err, out, out_json, tell_unreachable
+from srprov.cli.permitted import permitted
 from srprov.cli.stdout_guard import answers_only
 from srprov.cli.stored_facts import FACTS, stored_facts
 from srprov.codes import Code
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 @click.argument("file", metavar="FILE")
 @options.robots
 @options.deciding
+@options.ALLOW
 @FACTS
 @click.option("--explain", is_flag=True, help="Say the cost by term, the next best robot, and why not elsewhere.")
 @click.option("--pareto", is_flag=True, help="Show what each step of fairness costs.")
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
 @click.option("--png", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Draw the cost matrix.")
 def assign(
     file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, request: PlanRequest,
-    stored: Path | None, explain: bool, pareto: bool, svg: Path | None, png: Path | None,
+    allow: tuple[str, ...], stored: Path | None, explain: bool, pareto: bool, svg: Path | None, png: Path | None,
 ) -> int:  # fmt: skip
     """Show who would run what, and why; changes nothing.
 
@@ -47,7 +49,9 @@ def assign(
             code=Code.REPOSITORY,
         )
     from srprov.controller.choice import checked_choice, idle_notes, read_decided
+    from srprov.controller.permissions import permit_files
 
+    permit_files(definitions, permitted(allow)[1])
     before = None
     if stored:
         snapshot, decided = stored_facts(stored, inventory)

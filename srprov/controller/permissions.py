@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 
 from srprov.codes import Code
 from srprov.errors import RefusedError, UsageError, did_you_mean
-from srprov.planning.policy import ASKED_FIRST, KINDS, Permission, require
+from srprov.planning.policy import ASKED_FIRST, KINDS, Permission, permissions, require
 
 if TYPE_CHECKING:
     from srprov.definitions.labpolicy import LabPolicy
-    from srprov.definitions.model import Inventory
+    from srprov.definitions.model import Definitions, Inventory
     from srprov.planning.plan import DataMove, Plan
 
 
@@ -44,6 +44,16 @@ def permit_planning(asked: Iterable[Permission], allowed: Collection[str]) -> No
         RefusedError: Names all of it, and the flags that would allow it.
     """
     require([one for one in asked if one.kind in ASKED_FIRST], allowed)
+
+
+def permit_files(definitions: Definitions, allowed: Collection[str]) -> None:
+    """Refuse to tell what files elsewhere say, such as what a CDF requires of robots, where nothing else is done.
+
+    Raises:
+        RefusedError: As `permit_planning`.
+    """
+    asked = permissions(definitions.experiment, definitions.containers)
+    require([one for one in asked if one.kind == "outside"], allowed)
 
 
 def permit_run(

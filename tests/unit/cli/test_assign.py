@@ -284,6 +284,23 @@ def test_per_robot_that_matches_none_is_told(lab: Path, capsys: pytest.CaptureFi
     assert note in said.err
 
 
+@pytest.mark.parametrize("cdf", ["../private.cdf", "own.cdf"])
+def test_a_file_elsewhere_needs_a_permission(lab: Path, capsys: pytest.CaptureFixture[str], cdf: str) -> None:
+    """What it requires of a robot is told: a stranger's EDF may name any, also by a CDF of its own that extends it."""
+    here = lab / "project"
+    here.mkdir()
+    (lab / "private.cdf").write_text("cdf: 1\nname: p\nimage: x\nrequires: {tags: [not-for-strangers]}\n")
+    (here / "own.cdf").write_text("cdf: 1\nname: own\nextends: ../private.cdf\n")
+    (here / "e.edf").write_text(f"edf: 1\nname: d\nservices: {{a: {{cdf: {cdf}}}}}\n")
+    asked = ["assign", str(here / "e.edf"), "-i", "inv.yml", "--facts", "facts.json"]
+    assert run(asked) == 9
+    said = capsys.readouterr()
+    assert "not-for-strangers" not in said.out + said.err
+    assert "--allow outside" in said.err
+    assert run([*asked, "--allow", "outside"]) == 8
+    assert "not-for-strangers" in capsys.readouterr().err
+
+
 def test_the_time_limit_is_per_search(capsys: pytest.CaptureFixture[str]) -> None:
     """And the help says so."""
     assert run(["assign", "--help"]) == 0
