@@ -6,10 +6,12 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import click
 
+from srprov import private
 from srprov.cli import fork_options, inputs, options, output_options
 from srprov.cli.output import err, out, out_json
 from srprov.codes import Code
@@ -95,8 +97,9 @@ def _wish(way: str, inventories: tuple[str, ...], timeout: float, forks: int) ->
     from srprov.evidence.make_images import Wish
 
     asked = inputs.connect(inputs.load_inventory(inventories), timeout, forks) if inventories else own_engine(timeout)
-    with asked as fleet:
-        yield Wish(way=way, giver=Engines(fleet), say=_Slowly().say)
+    private.make_folder(private.cache_folder())
+    with asked as fleet, TemporaryDirectory(prefix="bundle-", dir=private.cache_folder()) as apart:
+        yield Wish(way=way, giver=Engines(fleet, Path(apart)), say=_Slowly().say)
 
 
 class _Slowly:

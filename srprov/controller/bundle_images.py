@@ -7,8 +7,9 @@ read.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 
 import msgspec
 
@@ -18,8 +19,9 @@ from srprov.controller.fleet import Fleet
 from srprov.definitions.model import Host, Inventory
 from srprov.errors import TransportError, UsageError
 from srprov.layers import Image, read_config
+from srprov.record.memory import known_images
 from srprov.session import Session
-from srprov.transport.blobs import Blob
+from srprov.transport.blobs import Blob, Blobs
 from srprov.transport.image_archive import ForeignImage
 from srprov.transport.image_config import configuration
 from srprov.transport.image_source import ImageSources
@@ -51,35 +53,43 @@ def own_engine(timeout_s: float) -> Iterator[Fleet]:
 class Engines:
     """Engines that may have images."""
 
-    def __init__(self, fleet: Fleet) -> None:
-        """Take the robots; those that cannot be reached are told of when an image is nowhere."""
-        self._fleet, self._sources = fleet, ImageSources()
+    def __init__(self, fleet: Fleet, apart: Path) -> None:
+        """Take the robots, of which those out of reach are told of when an image is nowhere; and a folder that goes."""
+        self._fleet, self._sources, self._apart = fleet, ImageSources(), ImageSources(Blobs(apart))
 
-    def read(self, image: str, words: str, first: Sequence[str], say: Say) -> Read:
+    def read(self, image: str, words: str, first: Sequence[str], say: Say, names: Collection[str] = ()) -> Read:
         """Read an image.
+
+        Which id a container's image has is the word of its robot, which may say that of another experiment's. So what
+        this machine did not have built under the image's name comes from who ran it, or from an engine that has it
+        under this name; and all of it comes from there, nothing from the cache.
 
         Args:
             image: Its id, as an engine has it.
             words: It, in words.
-            first: Robots that are asked first.
+            first: Robots that ran it; they are asked first.
             say: Is told how far it is.
+            names: As the experiment names it.
 
         Raises:
             UsageError: No engine has it, or gives it.
             OSError: There is no room for it here.
         """
-        if cached := self._cached(image):
+        built = known_images()
+        ours = any(image in built.get(name, ()) for name in names)
+        if ours and (cached := self._cached(image)):
             return cached
         why: dict[str, str] = {}
-        names = [one for one in first if one in self._fleet.inventory.hosts]
-        names += [one for one in sorted(self._fleet.inventory.hosts) if one not in names]
-        for name in names:
+        robots = [one for one in first if one in self._fleet.inventory.hosts]
+        robots += [one for one in sorted(self._fleet.inventory.hosts) if one not in robots]
+        for name in robots:
+            called = [image] if ours or name in first else sorted(names)
             try:
                 session = self._fleet.sessions.get(name)
-                found = image_of(session, image)
-                if found is not None and found.id == image:
-                    return self._from(session, found, words, say)
-                why[name] = "it does not have it"
+                for found in filter(None, (image_of(session, one) for one in called)):
+                    if found.id == image:
+                        return self._from(session, found, words, say, self._sources if ours else self._apart)
+                why[name] = "it does not have it" + ("" if ours or name in first else " under that name")
             except TransportError as error:
                 why[name] = error.message
             except ForeignImage as error:
@@ -99,14 +109,14 @@ class Engines:
         kept = tuple(one for one in layers if one is not None)
         return Read(config=content, documents=(content,), layers=kept) if len(kept) == len(layers) else None
 
-    def _from(self, session: Session, image: Image, words: str, say: Say) -> Read:
+    def _from(self, session: Session, image: Image, words: str, say: Say, sources: ImageSources) -> Read:
         classic = store_of(session) == "classic"
         documents: list[bytes] = []
 
         def fast() -> bool:
-            return self._sources.links.gives_fast(session)
+            return sources.links.gives_fast(session)
 
-        with self._sources.source(session, image) as source:
+        with sources.source(session, image) as source:
 
             def small(digest: str) -> Blob:
                 found = source.get(digest, f"{words}, configuration", say)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import errno
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Protocol
@@ -40,7 +40,7 @@ Say = Callable[[str], None]
 class Giver(Protocol):
     """Whoever has images."""
 
-    def read(self, image: str, words: str, first: Sequence[str], say: Say) -> Read:
+    def read(self, image: str, words: str, first: Sequence[str], say: Say, names: Collection[str]) -> Read:
         """Bring an image here; see `controller.bundle_images.Engines`."""
 
 
@@ -101,7 +101,7 @@ def found(wish: Wish | None, files: Files, folder: Path) -> Found:
     with story.read(files) as told:
         every = used(told, files)
     mine = wanted(every, wish.way)
-    images = [GivenImage(one, wish.giver.read(one.id, one.words, one.robots, wish.say)) for one in mine]
+    images = [GivenImage(one, wish.giver.read(one.id, one.words, one.robots, wish.say, one.names)) for one in mine]
     check_room(images, sum(files.sizes.values()), folder)
     left = [{"id": one.id, "names": list(one.names)} for one in every if one not in mine]
     return Found(folder=folder, images=images, say=wish.say, about={"with": wish.way, "left_out": left})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,6 +16,7 @@ from srprov.controller.kept_images import Content, keep
 from srprov.errors import TransportError, UsageError
 from srprov.layers import read_config
 from srprov.oci.layout import leading, sha256
+from srprov.record.memory import note_images
 from srprov.transport.blobs import Blobs
 from tests.unit.transport.thin_world import CONTAINERD, InContainerd, Made, Robot, sha
 
@@ -24,6 +26,7 @@ IMAGE = Made(b"base" * 500, b"top" * 500)
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     return tmp_path / "cache"
 
 
@@ -35,7 +38,7 @@ def engines(*robots: Robot, away: tuple[str, ...] = ()) -> Engines:
 
     hosts = dict.fromkeys([*away, *(one.host for one in robots)])
     fleet: Any = SimpleNamespace(inventory=SimpleNamespace(hosts=hosts), sessions=SimpleNamespace(get=get))
-    return Engines(fleet)
+    return Engines(fleet, Path(os.environ["XDG_CACHE_HOME"], "apart"))
 
 
 def test_an_image_is_read_from_the_robot_that_has_it_by_its_id(tmp_path: Path) -> None:
@@ -47,16 +50,36 @@ def test_an_image_is_read_from_the_robot_that_has_it_by_its_id(tmp_path: Path) -
     assert found.config == IMAGE.config and [one.digest for one in found.layers] == IMAGE.diff_ids
     assert tuple(b"".join(one.content()) for one in found.layers) == IMAGE.layers
     assert not first.shells and any(line.startswith("x:1, layer 2 of 2") for line in said)
-    second.images.clear()
-    again = engines(first, second).read(IMAGE.id, "x:1", (), said.append)
-    assert again.config == IMAGE.config, "all of it is in the cache"
+
+
+def test_an_image_that_was_built_here_under_its_name_comes_from_the_cache_too(tmp_path: Path) -> None:
+    robot = Robot("a", tmp_path)
+    robot.images = {"renamed:1": IMAGE}
+    assert note_images({"srprov/x:1": {IMAGE.id}}) == ""
+    for _ in range(2):
+        found = engines(robot).read(IMAGE.id, "x", (), lambda _line: None, ["srprov/x:1"])
+        assert found.config == IMAGE.config
+        robot.images.clear()
+
+
+def test_a_robot_that_names_another_ones_image_gets_it_into_no_bundle(tmp_path: Path) -> None:
+    """Neither from who has it, under another name, nor by digests from this machine's cache."""
+    liar, other = Robot("a", tmp_path), Robot("b", tmp_path)
+    liar.images, other.images = {"x:1": Made(b"other")}, {"srprov/private:1": IMAGE}
+    keep([Content(sha(one), len(one), lambda one=one: iter([one]), packed=False)
+          for one in (IMAGE.config, *IMAGE.layers)], lambda _line: None)  # fmt: skip
+    with pytest.raises(UsageError, match="b: it does not have it under that name"):
+        engines(liar, other).read(IMAGE.id, "x:1", ("a",), lambda _line: None, ["x:1"])
+    assert note_images({"srprov/private:1": {IMAGE.id}}) == ""
+    with pytest.raises(UsageError, match="b: it does not have it under that name"):
+        engines(liar, other).read(IMAGE.id, "x:1", ("a",), lambda _line: None, ["x:1"])
 
 
 @pytest.mark.parametrize("index", [False, True])
 def test_an_image_in_a_containerd_store_comes_with_what_leads_to_it(tmp_path: Path, *, index: bool) -> None:
     image, robot = InContainerd(b"base" * 500, b"top" * 500, index=index), Robot("a", tmp_path)
     robot.images, robot.info["DriverStatus"] = {"x:1": image}, CONTAINERD
-    found = engines(robot).read(image.id, "x:1", (), lambda _line: None)
+    found = engines(robot).read(image.id, "x:1", (), lambda _line: None, ["x:1"])
     config_id = sha256(found.config)
     assert config_id == image.config_id != image.id and read_config(config_id, json.loads(found.config))
     documents = {sha256(one): one for one in found.documents}
@@ -66,7 +89,7 @@ def test_an_image_in_a_containerd_store_comes_with_what_leads_to_it(tmp_path: Pa
 def test_an_image_that_nobody_has_is_an_error_that_says_who_was_asked(tmp_path: Path) -> None:
     robot = Robot("a", tmp_path)
     robot.images = {"x:1": Made(b"other")}
-    with pytest.raises(UsageError, match=r"x:1 cannot be had: a: it does not have it; c: it is off"):
+    with pytest.raises(UsageError, match=r"x:1 cannot be had: a: it does not have it under that name; c: it is off"):
         engines(robot, away=("c",)).read(IMAGE.id, "x:1", ("gone",), lambda _line: None)
 
 

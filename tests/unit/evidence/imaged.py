@@ -7,7 +7,7 @@ import hashlib
 import io
 import json
 import tarfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -84,7 +84,7 @@ class Engine:
         self.folder, self.images = folder, {one.id: one for one in images}
         self.asked: list[tuple[str, ...]] = []
 
-    def read(self, image: str, words: str, first: Sequence[str], say: object) -> Read:
+    def read(self, image: str, words: str, first: Sequence[str], say: object, names: Collection[str] = ()) -> Read:
         self.asked.append((words, *first))
         one = self.images[image]
         return Read(config=one.config, documents=(one.config,), layers=tuple(map(self.blob, dict.fromkeys(one.layers))))
