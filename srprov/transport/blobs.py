@@ -24,6 +24,7 @@ from typing import BinaryIO
 
 from srprov import believed, private
 from srprov.transport.blob import Blob, Hash, WrongBlob, compared, identity_of, open_regular, written
+from srprov.transport.givers import Givers
 from srprov.transport.turns import OwnTurns, Turns
 
 __all__ = ["Blob", "Blobs", "WrongBlob"]
@@ -47,6 +48,7 @@ class Blobs:
         self.folder, self._most = folder or default_folder(), most_bytes
         self._lock = threading.Lock()
         self._turns = turns or OwnTurns()
+        self.givers = Givers(self.folder)
         self._known: dict[Path, tuple[tuple[int, ...], Blob]] = {}
         """File -> its identity when it was compared, and what it was."""
 

@@ -98,11 +98,18 @@ class _Source:
             OSError: The cache cannot be written.
         """
         with self._blobs.turn(digest):
-            if (blob := self._blobs.get(digest, fast)) is not None:
+            if (blob := self._kept(digest, fast)) is not None:
                 return blob
             with self._busy:
                 # whoever was busy may have read all of the image
-                return self._blobs.get(digest, fast) or self._read(digest, what, progress, fast)
+                if (blob := self._kept(digest, fast)) is None:
+                    blob = self._read(digest, what, progress, fast)
+                    self._blobs.givers.note(digest, self._session.host)
+                return blob
+
+    def _kept(self, digest: str, fast: Callable[[], bool]) -> Blob | None:
+        """Return what the cache has of this robot's; what others gave is nothing that it can have sent on."""
+        return self._blobs.get(digest, fast) if self._blobs.givers.gave(digest, self._session.host) else None
 
     def _read(self, digest: str, what: str, progress: Progress, fast: Callable[[], bool]) -> Blob:
         """Read it from the robot: from its engine, from its spool, or where it can have none, with all of the image."""
@@ -136,15 +143,17 @@ class _Source:
 
     def _read_all(self, digest: str, meter: Meter) -> Blob:
         """Keep every layer of the image, as they come anyway, and compress them here."""
-        wanted = {one for one in (self._image.id, *self._image.diff_ids) if self._blobs.size(one) is None}
+        wanted = {self._image.id, *self._image.diff_ids}
         archive = TarStream(meter.count(self._session.save_image(self._image.id, _SAVE_S)))
+        came = set[str]()
         try:
             for member in archive:
-                if member.isreg():
-                    self._blobs.add_wanted(wanted, archive.content())
+                if member.isreg() and (kept := self._blobs.add_wanted(wanted, archive.content())) is not None:
+                    self._blobs.givers.note(kept.digest, self._session.host)
+                    came.add(kept.digest)
         except (TarError, UnicodeError) as error:
             raise ForeignImage(f"what comes is no archive of an image: {error}") from error
-        if (blob := self._blobs.get(digest)) is None:
+        if digest not in came or (blob := self._blobs.get(digest)) is None:
             raise ForeignImage(f"its archive does not hold {digest}, which its image names")
         return blob
 

@@ -457,3 +457,20 @@ def test_what_is_not_in_the_cache_or_is_for_another_robot_is_a_failure(world: Wo
     session: Any = world.target
     found = copy(other, session, None, ConnectOptions(image_sources=world.sources), world.said.append)
     assert not found.ok and "is the configuration of no image" in found.err
+
+
+@pytest.mark.parametrize("spools", [True, False])
+def test_a_builder_that_names_what_others_gave_has_to_give_it_itself(world: World, *, spools: bool) -> None:
+    """Its image could name a layer of another experiment's, by a digest that a record tells."""
+    kept(world)
+    world.builder.spools, world.builder.saved = spools, Made(BASE).saved([TAG])
+    reply = world.copy(id=IMAGE.id, way="thin")
+    assert not reply.ok and TAG not in world.target.images, reply
+    world.sources.blobs.givers.note(sha(TOP), "other")
+    world.again()
+    assert not world.copy(id=IMAGE.id, way="thin").ok
+    world.builder.saved = b""
+    assert world.copy(id=IMAGE.id, way="thin").ok and world.target.images[TAG].id == IMAGE.id
+    world.again()
+    saves, shells = world.builder.saves, len(world.builder.shells)
+    assert world.copy(way="thin").ok and (world.builder.saves, len(world.builder.shells)) == (saves, shells)
