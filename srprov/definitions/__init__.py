@@ -7,7 +7,7 @@ field means is in `schemas/` and in docs/definitions.md.
     schema, schema_cache   document (`yamldoc`) and JSON Schema -> problems
     paths, values, mounts  what a text stands for
     merging, runtime       one definition over another -> run-time part
-    container, dockerfile, build, cdfs, remote  CDFs, also in git
+    container, dockerfile, build, cdfs, cdf_folder, remote  CDFs, also in git
     service, envfile, checks, experiment, pins  EDF
     dollars, file_named_volumes  what is allowed and surprises people who come from Compose
     foreign_keys           keys that other tools have
@@ -61,14 +61,14 @@ def load_experiment(
 
 
 def load_container(path: str | Path, environ: Mapping[str, str] | None = None) -> ContainerDefinition:
-    """Read a single CDF or Dockerfile; it may use files below the nearest folder with an EDF, else below its own.
+    """Read a single CDF or Dockerfile; it may use files below its own folder, or that of an EDF above that leads to it.
 
     Raises:
         DefinitionError: With everything that is wrong.
     """
-    from srprov.definitions import container, paths
+    from srprov.definitions import cdf_folder, container, paths
 
-    folder = _experiment_folder(os.path.dirname(os.path.abspath(path)))
+    folder = cdf_folder.experiment_folder(str(path))
     try:
         return container.load(str(path), folder, os.environ if environ is None else environ).definition
     except DefinitionError as error:
@@ -189,16 +189,3 @@ def file_kind(path: str) -> str:
     if "edf" in keys or ("services" in keys and "all" not in keys):
         return "edf"
     return "cdf" if "cdf" in keys else "inventory"
-
-
-def _experiment_folder(folder: str) -> str:
-    """Return this folder or one of the two above it, the nearest that holds an EDF; or else this one."""
-    current = folder
-    for _ in range(3):
-        try:
-            if any(name.endswith(".edf") for name in os.listdir(current)):
-                return current
-        except OSError:
-            break
-        current = os.path.dirname(current)
-    return folder

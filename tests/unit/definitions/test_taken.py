@@ -284,3 +284,34 @@ def test_a_host_has_no_more_files_of_variables_than_anybody_writes(here: Path) -
     with pytest.raises(DefinitionError) as refused:
         load_inventory(["inv.yml"])
     assert "more than 1000 files" in refused.value.problems[0].message
+
+
+@pytest.mark.parametrize("fields", ["dockerfile: ../id", "dockerfile: ../../id", "extends: ../id", "extends: ../../id"])
+def test_an_edf_above_that_does_not_name_a_cdf_gives_it_no_files_beside_it(
+    here: Path, capsys: pytest.CaptureFixture[str], fields: str
+) -> None:
+    """A project that was cloned into a folder with EDFs of the user's shows no line of what lies there."""
+    clone = here / "victim" / "clone"
+    (clone / "sub").mkdir(parents=True)
+    place = clone / "sub" if "../../" in fields else clone
+    (here / "victim" / "mine.edf").write_text("edf: 1\nname: mine\nservices: {a: {cdf: x.cdf}}\n")
+    (place / "x.cdf").write_text(f"cdf: 1\n{fields}\n")
+    for named in (place / "x.cdf", clone):
+        assert run(["validate", str(named)]) == 5
+        said = capsys.readouterr()
+        assert MARK not in said.out + said.err
+        assert "outside of" in said.out or "leaves the folder" in said.out
+
+
+@pytest.mark.parametrize("named", ["containers/x.cdf", "containers/child.cdf"])
+def test_a_cdf_may_use_the_folder_of_an_edf_that_leads_to_it(here: Path, named: str) -> None:
+    folder = here / "exp" / "containers"
+    folder.mkdir()
+    (here / "exp" / "id").write_text("x")
+    (folder / "x.cdf").write_text("cdf: 1\nbase: busybox\nfiles: [{src: ../id, dest: /id}]\n")
+    (folder / "child.cdf").write_text("cdf: 1\nextends: x.cdf\n")
+    edf(here, f"{{cdf: {named}}}")
+    (here / "exp" / "broken.edf").write_text("services: [")
+    assert check_files([folder / "x.cdf"]) == []
+    (here / "exp" / "e.edf").unlink()
+    assert [one.code for one in check_files([folder / "x.cdf"])]
