@@ -99,6 +99,13 @@ def select(inventory: Inventory, pattern: str, failed: Callable[[], Collection[s
     return patterns.select(inventory, pattern, **({"failed": failed} if failed else {}))
 
 
+def link_out(path: str) -> str:
+    """Return the first link named in a relative path that leads out of the folder in which it lies, or nothing."""
+    from srprov.definitions import paths
+
+    return paths.link_out(path)
+
+
 def offered(path: str, what: str) -> tuple[str, ...]:
     """Return the `services` or `profiles` that an EDF names, or the `robots` or `groups` of an inventory, sorted.
 

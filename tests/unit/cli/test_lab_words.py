@@ -36,3 +36,21 @@ def test_up_says_how_other_verbs_reach_its_robots(
     monkeypatch.setattr(overview, "robots", lambda _name: [])
     assert run(["lab", "--name", name, "up"]) == 0
     assert f"use them with -i inventory/{file}" in capsys.readouterr().err.splitlines()
+
+
+def test_no_line_of_a_file_elsewhere_is_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A project that was cloned may bring a link as its lab-spec.yml, or one to the folder that holds it."""
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "lab-spec.yml").write_text("token: hunter2\n")
+    (tmp_path / "clone").mkdir()
+    (tmp_path / "clone" / "lab-spec.yml").symlink_to(tmp_path / "own" / "lab-spec.yml")
+    (tmp_path / "clone" / "lab").symlink_to(tmp_path / "own")
+    monkeypatch.chdir(tmp_path / "clone")
+    for path in ("lab-spec.yml", "lab/lab-spec.yml", "../clone/lab-spec.yml"):
+        assert run(["lab", "up", "--spec", path]) == 5
+        said = capsys.readouterr()
+        assert "hunter2" not in said.out + said.err and "is a link that leads out of its folder" in said.err
+    assert run(["lab", "up", "--spec", str(tmp_path / "own" / "lab-spec.yml")]) == 5
+    assert "unknown key 'token'" in capsys.readouterr().err
