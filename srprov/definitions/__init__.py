@@ -53,11 +53,10 @@ def load_experiment(
     from srprov.definitions import experiment, paths
     from srprov.definitions.profiles import chosen
 
-    folder = os.path.dirname(os.path.abspath(path))
     try:
         return chosen(experiment.load(str(path), os.environ if environ is None else environ, fetch), profiles)
     except DefinitionError as error:
-        raise DefinitionError(paths.hide_outside(error.problems, folder)) from None
+        raise DefinitionError(paths.hide_outside(error.problems, paths.folder_of(str(path)))) from None
 
 
 def load_container(path: str | Path, environ: Mapping[str, str] | None = None) -> ContainerDefinition:
@@ -72,7 +71,8 @@ def load_container(path: str | Path, environ: Mapping[str, str] | None = None) -
     try:
         return container.load(str(path), folder, os.environ if environ is None else environ).definition
     except DefinitionError as error:
-        raise DefinitionError(paths.hide_outside(error.problems, folder)) from None
+        told = paths.folder_of(str(path)) if paths.link_out(str(path)) else folder
+        raise DefinitionError(paths.hide_outside(error.problems, told)) from None
 
 
 def load_inventory(paths: Sequence[str | Path], unnamed: Collection[str] = ()) -> Inventory:
@@ -151,12 +151,14 @@ def remarks(paths: Sequence[str | Path]) -> list[Diagnostic]:
         DefinitionError: A file is no YAML.
     """
     from srprov.definitions import dockerfile, dollars, file_named_volumes
+    from srprov.definitions.paths import folder_of, inside
     from srprov.yamldoc import loader
 
     found: set[Diagnostic] = set()
     for path in map(str, paths):
         kind = file_kind(path)
-        if kind in ("edf", "cdf") and not dockerfile.is_dockerfile(path):
+        # a remark is told with its line, so there is none on what a link leads to elsewhere
+        if kind in ("edf", "cdf") and not dockerfile.is_dockerfile(path) and inside(path, folder_of(path)):
             root = loader.read(path)
             found.update((*dollars.remarks_on(root, kind), *file_named_volumes.remarks_on(root, kind)))
     return sorted(found)
@@ -181,7 +183,7 @@ def file_kind(path: str) -> str:
     Raises:
         DefinitionError: Its content has to tell, and it cannot be read.
     """
-    from srprov.definitions import dockerfile, files_below
+    from srprov.definitions import dockerfile, files_below, paths
     from srprov.yamldoc import loader
     from srprov.yamldoc.nodes import Map
 
@@ -191,7 +193,10 @@ def file_kind(path: str) -> str:
         return "cdf"
     if os.path.isdir(path) or not path.endswith((".yml", ".yaml", ".json")) or os.access(path, os.X_OK):
         return "inventory"
-    root = loader.read(path)
+    try:
+        root = loader.read(path)
+    except DefinitionError as error:
+        raise DefinitionError(paths.hide_outside(error.problems, paths.folder_of(path))) from None
     keys = set(root.entries) if isinstance(root, Map) else set()
     if "edf" in keys or ("services" in keys and "all" not in keys):
         return "edf"

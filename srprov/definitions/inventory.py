@@ -16,7 +16,7 @@ from srprov.codes import Code
 from srprov.definitions import hostvars, inifile, right_kind, script
 from srprov.definitions.groups import Group, HostEntry, HostTree, Variables, variables_of
 from srprov.definitions.model import Inventory
-from srprov.definitions.paths import hide_outside, inside
+from srprov.definitions.paths import folder_of, hide_outside, inside, link_out
 from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
 from srprov.yamldoc import loader, nodes
 from srprov.yamldoc.allowance import allowance
@@ -48,7 +48,8 @@ def load(paths: Sequence[str], unnamed: Collection[str] = ()) -> Inventory:
             return _finish(tree, os.path.abspath(paths[0]) if paths else "", may_run=not unnamed)
     except DefinitionError as error:
         problems = [nodes.without_secrets(one) for one in error.problems]
-        raise DefinitionError(hide_outside(problems, *folders)) from None
+        told = (folder_of(path) if link_out(path) else _folder(path) for path in paths)
+        raise DefinitionError(hide_outside(problems, *told)) from None
 
 
 def _tree(paths: Sequence[str], folders: Sequence[str], unnamed: Collection[str]) -> HostTree:

@@ -82,7 +82,7 @@ def load(path: str) -> Lock | None:
     try:
         return _load(path)
     except DefinitionError as error:
-        raise DefinitionError(paths.hide_outside(error.problems, os.path.dirname(os.path.abspath(path)))) from None
+        raise DefinitionError(paths.hide_outside(error.problems, paths.folder_of(path))) from None
 
 
 def _load(path: str) -> Lock:

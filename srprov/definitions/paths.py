@@ -52,6 +52,11 @@ def link_out(path: str) -> str:
     return next((one for one in regular_file.links_in(path) if not inside(one, os.path.dirname(one))), "")
 
 
+def folder_of(path: str) -> str:
+    """Return the folder in which a file lies by its name; of one that a link leads to from elsewhere, that link's."""
+    return os.path.dirname(os.path.abspath(link_out(path) or path))
+
+
 def hide_outside(problems: Collection[Diagnostic], *folders: str) -> list[Diagnostic]:
     """Return problems without what a file outside of some folders holds: a stranger's EDF may name any file as its CDF.
 

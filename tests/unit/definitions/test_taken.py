@@ -315,3 +315,32 @@ def test_a_cdf_may_use_the_folder_of_an_edf_that_leads_to_it(here: Path, named: 
     assert check_files([folder / "x.cdf"]) == []
     (here / "exp" / "e.edf").unlink()
     assert [one.code for one in check_files([folder / "x.cdf"])]
+
+
+@pytest.mark.parametrize("name", ["x.edf", "x.cdf", "x.yml", "hosts"])
+@pytest.mark.parametrize("link", ["file", "folder"])
+def test_no_line_is_shown_of_what_a_link_in_a_projects_folder_leads_to(
+    here: Path, capsys: pytest.CaptureFixture[str], name: str, link: str
+) -> None:
+    """Neither where it is wrong, nor in a warning about what is right."""
+    right = f"command: [login, '${{PASS}}{MARK}']"
+    texts = [f"a: b: {MARK}\n", f"{MARK}\n", f"cdf: {MARK}\nservices: {MARK}\n"]
+    texts += [f"edf: 1\nname: x\nservices: {{a: {{image: x, environment: {{A: '${{A}}{MARK}'}}, {right}}}}}\n"]
+    texts += [f"cdf: 1\nimage: x\nenvironment: {{A: '${{A}}{MARK}'}}\n{right}\n"]
+    (here / "exp" / ("sub" if link == "folder" else name)).symlink_to(
+        here / "victim" if link == "folder" else here / "victim" / name
+    )
+    for words in texts:
+        (here / "victim" / name).write_text(words)
+        run(["validate", f"sub/{name}" if link == "folder" else name])
+        said = capsys.readouterr()
+        assert MARK not in said.out + said.err, words
+
+
+def test_no_line_of_a_lock_below_such_a_link_is_shown(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "victim" / "e.edf").write_text("edf: 1\nname: demo\nservices: {a: {image: busybox}}\n")
+    (here / "victim" / "e.lock").write_text(f"lock: {MARK}\n")
+    (here / "exp" / "sub").symlink_to(here / "victim")
+    assert run(["validate", "sub/e.edf"]) == 5
+    said = capsys.readouterr()
+    assert MARK not in said.out + said.err and "is not valid" in said.out
