@@ -1,8 +1,8 @@
 """Which robots gave a content that the cache of layers keeps: whoever names one by its digest need not have it.
 
 An image's configuration names its layers, and a robot that lies builds one that names those of another experiment. From
-the cache only what the robot itself gave once counts as its own. Kept as `givers.json` beside the cache's folder, which may be a link of the
-user's; what is lost from it costs one more read. Safe for several threads.
+the cache only what the robot itself gave once counts as its own. Kept as `givers.json` beside the cache's folder, which
+may be a link of the user's; what is lost from it costs one more read. Safe for several threads.
 """
 
 from __future__ import annotations
