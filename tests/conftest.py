@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -33,6 +34,12 @@ LONGEST = ["test_examples", "test_failures", "test_changes", "test_drift", "test
 """Files of tests/lab by how long they take; the others are shorter."""
 
 _COUNT = itertools.count()
+
+
+def pytest_configure() -> None:
+    """Let Ctrl-C be Ctrl-C: whatever is started in the background ignores it, and so do its children."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(autouse=True)

@@ -344,15 +344,14 @@ def test_signals_do_not_free_the_lock_before_the_work_ended(bare: Callable[..., 
     assert not one.free() and one.work.poll() is None
 
 
-@pytest.mark.parametrize("direction", ["1", "-1"])
-def test_a_clock_that_jumps_has_no_effect(bare: Callable[..., Bare], tmp_path: Path, direction: str) -> None:
-    """With a `date` that jumps by years at every look it lives on beats as before, and ends after its time."""
+def test_a_clock_that_jumps_has_no_effect(bare: Callable[..., Bare], tmp_path: Path) -> None:
+    """With a `date` that jumps by years at every look, on and back, it lives on beats, and ends after its time."""
     folder = tmp_path / "clock"
     folder.mkdir()
     count = folder / "count"
     count.write_text("60")
     real = shutil.which("date")
-    jump = f"n=$(($(cat {count}) + {direction} * 10)); echo $n >{count}"
+    jump = f"n=30; [ $(cat {count}) = 30 ] && n=70; echo $n >{count}"
     (folder / "date").write_text(f'#!/bin/sh\n{jump}\nexec {real} -d @$((n * 31536000)) "$@"\n')
     (folder / "date").chmod(0o755)
     one = bare(quiet_s=4, path=str(folder))

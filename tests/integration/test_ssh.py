@@ -666,7 +666,7 @@ def test_one_dead_robot_does_not_hold_up_the_others(server: Sshd) -> None:
         hosts = {f"r{n}": server.host(f"r{n}") for n in range(9)}
         hosts["dead"] = server.host("dead", port=mute.getsockname()[1])
         start = time.monotonic()
-        with Sessions(hosts, options=quick(connect_timeout_s=20.0), forks=10) as sessions:
+        with Sessions(hosts, options=quick(connect_timeout_s=12.0), forks=10) as sessions:
             for n in range(9):
                 assert sessions.get(f"r{n}").ask([Query(command="echo up")])[0].out == "up\n"
             alive_after = time.monotonic() - start
@@ -674,7 +674,7 @@ def test_one_dead_robot_does_not_hold_up_the_others(server: Sshd) -> None:
                 sessions.get("dead")
             assert set(sessions.failures()) == {"dead"}
             assert len(sessions.connected()) == 9
-        assert alive_after < 20.0 < time.monotonic() - start < 60.0
+        assert alive_after < 12.0 < time.monotonic() - start < 60.0
 
 
 def test_closing_while_connecting_leaves_no_connection(server: Sshd) -> None:

@@ -63,9 +63,15 @@ def test_robots_that_cannot_be_reached_are_named_and_the_others_done(mended: Lab
     path.write_text(edf("three", changed), encoding="utf-8")
     common = (str(path), "-i", inventory, "--timeout", "12")
 
-    planned = lab.srprov("plan", *common)
-    assert planned.code == 4, planned
-    assert f"note: c stays on {home['c']}, which cannot be reached" in planned.out
+    planning = begin(lab, "plan", *common)  # both only look, and wait for the same dead robot
+    seen = lab.srprov("status", *common, "--json")
+    assert seen.code == 4, seen
+    rows = {row["service"]: (row["robot"], row["state"]) for row in seen.json["services"]}
+    assert rows["c"] == (home["c"], "unreachable")
+    assert rows["a"][1].startswith("Up")
+    planned, why = planning.communicate(timeout=120)
+    assert planning.returncode == 4, why
+    assert f"note: c stays on {home['c']}, which cannot be reached" in planned
     applied = lab.srprov("apply", *common, "--yes", "--json", "--settle", "0")
     assert applied.code == 4, applied
     report = applied.json
@@ -83,12 +89,6 @@ def test_robots_that_cannot_be_reached_are_named_and_the_others_done(mended: Lab
     assert lab.inspect(home["a"], "srprov.three.a")["Config"]["Cmd"] == ["sleep", "4711"]
     assert lab.containers(home["b"]) == same
     assert lab.leftovers("robot5") == only_the_record("three")
-
-    seen = lab.srprov("status", *common, "--json")
-    assert seen.code == 4, seen
-    rows = {row["service"]: (row["robot"], row["state"]) for row in seen.json["services"]}
-    assert rows["c"] == (home["c"], "unreachable")
-    assert rows["a"][1].startswith("Up")
 
     lab.srprov("lab", "restart", home["c"])
     inventory = part_of_lab(lab, robots, tmp_path / "lab.yml")
