@@ -164,13 +164,16 @@ class Reader(Protocol):
     def host(self) -> str:
         """The robot's name in the inventory."""
 
+    @property
+    def identity(self) -> str:
+        """Its name, and what it proved to be: another inventory may give the name to another robot."""
+
     def ask(self, queries: Sequence[AnyQuery]) -> Sequence[Reply]:
         """Ask shell and engine at the same time, each in one round trip; replies come in the order of the queries.
 
         A command that fails is a `Reply` with `ok` false; an engine that is not there gives `status` 0.
 
-        Raises:
-            TransportError: The robot cannot be talked to any more.
+        Raises TransportError when the robot cannot be talked to any more.
         """
 
     def measure(self) -> Measures | None:

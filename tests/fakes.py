@@ -208,6 +208,11 @@ class FakeRobot:
         return self._host
 
     @property
+    def identity(self) -> str:
+        """Its name, and a key."""
+        return f"{self._host} key"
+
+    @property
     def traffic(self) -> Traffic:
         """What was used so far."""
         return self._traffic

@@ -1,7 +1,8 @@
 """Which robots gave a content that the cache of layers keeps: whoever names one by its digest need not have it.
 
 An image's configuration names its layers, and a robot that lies builds one that names those of another experiment. From
-the cache only what the robot itself gave once counts as its own. Kept as `givers.json` beside the cache's folder, which
+the cache only what the robot itself gave once counts as its own: the one with that host key, as every laboratory may
+have a robot1. Kept as `givers.json` beside the cache's folder, which
 may be a link of the user's; what is lost from it costs one more read. Safe for several threads.
 """
 
@@ -31,7 +32,7 @@ class Givers:
         self._known: dict[str, list[str]] = {}
 
     def gave(self, digest: str, robot: str) -> bool:
-        """Return whether a robot gave this content."""
+        """Return whether a robot, by its session's `identity`, gave this content."""
         with self._lock:
             if robot not in self._known.get(digest, ()):
                 self._known = self._read()  # another process may have noted it

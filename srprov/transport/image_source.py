@@ -104,12 +104,12 @@ class _Source:
                 # whoever was busy may have read all of the image
                 if (blob := self._kept(digest, fast)) is None:
                     blob = self._read(digest, what, progress, fast)
-                    self._blobs.givers.note(digest, self._session.host)
+                    self._blobs.givers.note(digest, self._session.identity)
                 return blob
 
     def _kept(self, digest: str, fast: Callable[[], bool]) -> Blob | None:
         """Return what the cache has of this robot's; what others gave is nothing that it can have sent on."""
-        return self._blobs.get(digest, fast) if self._blobs.givers.gave(digest, self._session.host) else None
+        return self._blobs.get(digest, fast) if self._blobs.givers.gave(digest, self._session.identity) else None
 
     def _read(self, digest: str, what: str, progress: Progress, fast: Callable[[], bool]) -> Blob:
         """Read it from the robot: from its engine, from its spool, or where it can have none, with all of the image."""
@@ -149,7 +149,7 @@ class _Source:
         try:
             for member in archive:
                 if member.isreg() and (kept := self._blobs.add_wanted(wanted, archive.content())) is not None:
-                    self._blobs.givers.note(kept.digest, self._session.host)
+                    self._blobs.givers.note(kept.digest, self._session.identity)
                     came.add(kept.digest)
         except (TarError, UnicodeError) as error:
             raise ForeignImage(f"what comes is no archive of an image: {error}") from error

@@ -34,6 +34,8 @@ class BaseSession(EngineStreams, abc.ABC):
 
     _find_connection = "line=; echo; "
     """For the shell of a lock: set `line` to the process on the robot that is this connection, and print it."""
+    _proof = "local"
+    """What nobody else could show: a robot's host key."""
 
     def __init__(self, host: Host, options: ConnectOptions, peers: Peers | None, shell: Shell, mark: str) -> None:
         """Take the robot, how to reach others, a shell that was just started, and SRPROV_SESSION of what it runs."""
@@ -52,6 +54,11 @@ class BaseSession(EngineStreams, abc.ABC):
     def host(self) -> str:
         """The robot's name in the inventory."""
         return self._host
+
+    @property
+    def identity(self) -> str:
+        """Its name, and what it proved to be."""
+        return f"{self._host} {self._proof}"
 
     @property
     def traffic(self) -> Traffic:

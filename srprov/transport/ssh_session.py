@@ -20,6 +20,7 @@ from srprov.transport.deadline import Deadline
 from srprov.transport.engine.link import EngineGone, EngineSocket
 from srprov.transport.openssh.channel import MORE_SESSIONS, ChannelStreams, answer_sudo, complaint, start
 from srprov.transport.openssh.connection import StrictConnection, open_connection
+from srprov.transport.openssh.host_keys import fingerprint
 from srprov.transport.session import BaseSession
 from srprov.transport.shell.frames import FIND_CONNECTION, ready_line, start_command
 from srprov.transport.shell.shell import Shell
@@ -55,6 +56,7 @@ class SshSession(BaseSession):
         """Take what `open` made."""
         super().__init__(host, options, peers, shell, mark)
         self.connection = connection
+        self._proof = fingerprint(connection.transport.get_remote_server_key().asbytes())
         self._spare: Future[ChannelStreams] | None = None
         self._has_room = False
         self._docker_options = ""

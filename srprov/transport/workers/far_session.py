@@ -7,6 +7,7 @@ connection is.
 from __future__ import annotations
 
 import contextlib
+import functools
 from collections.abc import Iterator, Sequence
 from typing import Any, cast
 
@@ -33,6 +34,11 @@ class FarSession(Far):
     def host(self) -> str:
         """The robot's name in the inventory."""
         return self._host
+
+    @functools.cached_property
+    def identity(self) -> str:
+        """Its name, and what it proved to be to the other process."""
+        return cast(str, self._call("identity"))
 
     @property
     def traffic(self) -> Traffic:

@@ -474,3 +474,14 @@ def test_a_builder_that_names_what_others_gave_has_to_give_it_itself(world: Worl
     world.again()
     saves, shells = world.builder.saves, len(world.builder.shells)
     assert world.copy(way="thin").ok and (world.builder.saves, len(world.builder.shells)) == (saves, shells)
+
+
+@pytest.mark.parametrize("spools", [True, False])
+def test_a_builder_with_the_name_of_who_gave_a_layer_has_to_give_it_itself(world: World, *, spools: bool) -> None:
+    """Every laboratory has a robot1; and a replay gives robots the names that its bundle says."""
+    assert world.copy(id=IMAGE.id, way="thin").ok
+    world.again()
+    world.builder.identity, world.builder.spools = "builder another key", spools
+    world.builder.saved, world.target.images = Made(BASE).saved([TAG]), {}
+    reply = world.copy(id=IMAGE.id, way="thin")
+    assert not reply.ok and TAG not in world.target.images, reply

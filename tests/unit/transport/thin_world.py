@@ -94,6 +94,7 @@ class Robot:
 
     def __init__(self, name: str, folder: Path, *, spools: bool = True) -> None:
         self.host, self.folder, self.spools = name, folder / name, spools
+        self.identity = f"{name} key"
         self.images: dict[str, Made] = {}
         self.info: dict[str, Any] = dict(INFO)
         self.free_kib, self.shells, self.streamed, self.saves = 1 << 30, list[str](), list[int](), 0
