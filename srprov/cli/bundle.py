@@ -70,7 +70,7 @@ def bundle(
         files = of_run(folder)
         for name in known_secrets(files.path, files.sizes):
             err(f"note: {name} cannot be read here: nobody looks for its value")
-        with _wish(way, inventories, timeout, forks) as images:
+        with _wish(folder, way, inventories, timeout, forks) as images:
             made = make(
                 folder, target, sign=signer(sign, str(target)) if sign else None, no_secret=no_secret, images=images
             )
@@ -88,18 +88,19 @@ def bundle(
 
 
 @contextmanager
-def _wish(way: str, inventories: tuple[str, ...], timeout: float, forks: int) -> Iterator[Wish | None]:
+def _wish(folder: Path, way: str, inventories: tuple[str, ...], timeout: float, forks: int) -> Iterator[Wish | None]:
     """Return which images are wanted, and connect to whoever may have them."""
     if way == "none":
         yield None
         return
     from srprov.controller.bundle_images import Engines, own_engine
+    from srprov.controller.trial_images import ran
     from srprov.evidence.make_images import Wish
 
     asked = inputs.connect(inputs.load_inventory(inventories), timeout, forks) if inventories else own_engine(timeout)
     private.make_folder(private.cache_folder())
     with asked as fleet, TemporaryDirectory(prefix="bundle-", dir=private.cache_folder()) as apart:
-        yield Wish(way=way, giver=Engines(fleet, Path(apart)), say=_Slowly().say)
+        yield Wish(way=way, giver=Engines(fleet, Path(apart), ran(folder)), say=_Slowly().say)
 
 
 class _Slowly:

@@ -16,10 +16,10 @@ import msgspec
 from srprov.codes import Code
 from srprov.controller import fleet as fleets
 from srprov.controller.fleet import Fleet
+from srprov.controller.trial_images import Ran
 from srprov.definitions.model import Host, Inventory
 from srprov.errors import TransportError, UsageError
 from srprov.layers import Image, read_config
-from srprov.record.memory import known_images
 from srprov.session import Session
 from srprov.transport.blobs import Blob, Blobs
 from srprov.transport.image_archive import ForeignImage
@@ -53,16 +53,21 @@ def own_engine(timeout_s: float) -> Iterator[Fleet]:
 class Engines:
     """Engines that may have images."""
 
-    def __init__(self, fleet: Fleet, apart: Path) -> None:
-        """Take the robots, of which those out of reach are told of when an image is nowhere; and a folder that goes."""
-        self._fleet, self._sources, self._apart = fleet, ImageSources(), ImageSources(Blobs(apart))
+    def __init__(self, fleet: Fleet, apart: Path, ran: Ran) -> None:
+        """Take the robots, of which those out of reach are told of when an image is nowhere; and a folder that goes.
+
+        `ran` is what this machine remembers of the run.
+        """
+        self._fleet, self._ran = fleet, ran
+        self._sources, self._apart = ImageSources(), ImageSources(Blobs(apart))
 
     def read(self, image: str, words: str, first: Sequence[str], say: Say, names: Collection[str] = ()) -> Read:
         """Read an image.
 
-        Which id a container's image has is the word of its robot, which may say that of another experiment's. So what
-        this machine did not have built under the image's name comes from who ran it, or from an engine that has it
-        under this name; and all of it comes from there, nothing from the cache.
+        Which id a container's image has is the word of its robot, or of a stranger's folder, either of which may say
+        that of another experiment's. So it is one that this machine remembers of the run, and comes from who had it
+        there, also by way of the cache, which knows who gave what; or from an engine that has it under its name, and
+        then all of it comes from there.
 
         Args:
             image: Its id, as an engine has it.
@@ -75,21 +80,24 @@ class Engines:
             UsageError: No engine has it, or gives it.
             OSError: There is no room for it here.
         """
-        built = known_images()
-        ours = any(image in built.get(name, ()) for name in names)
-        if ours and (cached := self._cached(image)):
+        had = self._ran.robots(image, names)
+        if not had:
+            hint = "bundle it on the machine that ran it, from the folder that it ran in; or --with-images none"
+            raise UsageError(f"{words}: no run of this machine is known that had it", hint=hint, code=Code.IMAGE_COPY)
+        if cached := next(filter(None, (self._cached(image, one) for one in sorted(had))), None):
             return cached
         why: dict[str, str] = {}
         robots = [one for one in first if one in self._fleet.inventory.hosts]
         robots += [one for one in sorted(self._fleet.inventory.hosts) if one not in robots]
         for name in robots:
-            called = [image] if ours or name in first else sorted(names)
             try:
                 session = self._fleet.sessions.get(name)
+                own = session.identity in had
+                called = [image] if own else sorted(names)
                 for found in filter(None, (image_of(session, one) for one in called)):
                     if found.id == image:
-                        return self._from(session, found, words, say, self._sources if ours else self._apart)
-                why[name] = "it does not have it" + ("" if ours or name in first else " under that name")
+                        return self._from(session, found, words, say, self._sources if own else self._apart)
+                why[name] = "it does not have it" + ("" if own else " under that name")
             except TransportError as error:
                 why[name] = error.message
             except ForeignImage as error:
@@ -98,14 +106,17 @@ class Engines:
         hint = "name the robots that ran it with -i, while they have it; or --with-images none"
         raise UsageError(f"{words} cannot be had: {told}", hint=hint, code=Code.IMAGE_COPY)
 
-    def _cached(self, image: str) -> Read | None:
-        """Return an image of which all is in the cache already."""
+    def _cached(self, image: str, robot: str) -> Read | None:
+        """Return an image of which all is in the cache already, and came from this robot."""
         blobs = self._sources.blobs
-        if blobs.size(image) is None or (config := blobs.get(image)) is None:
+        if not blobs.givers.gave(image, robot) or (config := blobs.get(image)) is None:
             return None
         content = b"".join(config.content())
         found = read_config(image, json_or_none(content.decode("utf-8", "replace")))
-        layers = [blobs.get(one, lambda: True) for one in dict.fromkeys(found.diff_ids)] if found else [None]
+        wanted = [*dict.fromkeys(found.diff_ids)] if found else []
+        if not wanted or not all(blobs.givers.gave(one, robot) for one in wanted):
+            return None
+        layers = [blobs.get(one, lambda: True) for one in wanted]
         kept = tuple(one for one in layers if one is not None)
         return Read(config=content, documents=(content,), layers=kept) if len(kept) == len(layers) else None
 

@@ -23,6 +23,7 @@ from srprov.controller.run import run
 from srprov.controller.trial_connections import LockedRobots
 from srprov.controller.trial_folder import check_new, check_own, make_folder
 from srprov.controller.trial_history import ACCEPT, History, read_history
+from srprov.controller.trial_images import remember
 from srprov.controller.trial_plan import TrialPlan
 from srprov.controller.trial_record import keep_session
 from srprov.controller.trial_report import TrialsReport
@@ -104,7 +105,7 @@ def run_trials(
     facts = _robots(plan.base.snapshot)
     same = sameness(plan, facts, plan.base.snapshot.observed)
     folder, earlier = _folder(plan, same, request)
-    made = chosen(whole := design(plan.given), request.only)
+    made = chosen(design(plan.given), request.only)
     fleet.sessions.prepare(sorted(robots))
     mine = claim(f"run {plan.base.plan.instance}", earlier.name)
     waiting = lock_options(plan.base.plan, options)
@@ -119,10 +120,10 @@ def run_trials(
             _refuse_changes(folder, earlier, same, request)
         if not earlier.events:
             make_folder(folder)
+        remember(folder, plan, same, sessions)
         with LockedRobots(fleet, sessions, mine, waiting) as connections:
             trials = _all(
-                plan, fleet.inventory, whole, made, same, folder, earlier, request, connections, options, say, stop,
-                pause,
+                plan, fleet.inventory, made, same, folder, earlier, request, connections, options, say, stop, pause,
             )  # fmt: skip
     return TrialsReport(
         folder=folder, rows=trials.rows, design=made, ended_early=trials.ended_early, base=base,
@@ -131,7 +132,7 @@ def run_trials(
 
 
 def _all(
-    plan: TrialPlan, inventory: Inventory, whole: Design, made: Design, same: Mapping[str, str], folder: Path,
+    plan: TrialPlan, inventory: Inventory, made: Design, same: Mapping[str, str], folder: Path,
     earlier: History, request: TrialsRequest, connections: Connections, options: RunOptions, say: Say,
     stop: threading.Event, pause: Callable[[float, str], None],
 ) -> Trials:  # fmt: skip
@@ -143,7 +144,7 @@ def _all(
         earlier = _changed(journal, earlier, request, same, made)
         about = TrialRun(
             plan=plan,
-            whole=whole,
+            whole=design(plan.given),
             design=made,
             folder=folder,
             name=earlier.name,

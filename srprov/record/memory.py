@@ -64,21 +64,43 @@ def remember(instance: str, memory: Memory) -> str:
 
 def known_images() -> dict[str, frozenset[str]]:
     """Return content tag -> the ids of images that a run of this machine had built under it."""
-    try:
-        kept = mapping(parse_json(believed.read(_images(), _LONGEST).decode()))
-    except (OSError, ValueError):
-        return {}
-    return {string(tag): frozenset(map(string, ids)) for tag, ids in kept.items() if isinstance(ids, list)}
+    return _sets(_images())
 
 
 def note_images(built: Mapping[str, Collection[str]]) -> str:
     """Remember ids of images that were built; return why that is not possible, or nothing."""
-    known = known_images()
-    news = {tag: known.get(tag, frozenset()) | set(ids) for tag, ids in built.items()}
-    if all(known.get(tag) == ids for tag, ids in news.items()):
+    return _add(_images(), built)
+
+
+def who_ran() -> dict[str, frozenset[str]]:
+    """Return an image of a run of trials -> the robots that had it there; see `controller.trial_images`."""
+    return _sets(_ran())
+
+
+def note_ran(had: Mapping[str, Collection[str]]) -> str:
+    """Remember who had images of a run; return why that is not possible, or nothing."""
+    return _add(_ran(), had)
+
+
+def _sets(place: Path) -> dict[str, frozenset[str]]:
+    try:
+        kept = mapping(parse_json(believed.read(place, _LONGEST).decode()))
+    except (OSError, ValueError):
+        return {}
+    return {string(key): frozenset(map(string, some)) for key, some in kept.items() if isinstance(some, list)}
+
+
+def _add(place: Path, more: Mapping[str, Collection[str]]) -> str:
+    known = _sets(place)
+    news = {key: known.get(key, frozenset()) | set(some) for key, some in more.items()}
+    if all(known.get(key) == some for key, some in news.items()):
         return ""
-    newest = [*((tag, ids) for tag, ids in known.items() if tag not in news), *news.items()][-_MOST_IMAGES:]
-    return _write(_images(), {tag: sorted(ids) for tag, ids in newest})
+    newest = [*((key, some) for key, some in known.items() if key not in news), *news.items()][-_MOST_IMAGES:]
+    return _write(place, {key: sorted(some) for key, some in newest})
+
+
+def _ran() -> Path:
+    return default_root().parent / "ran.json"
 
 
 def _images() -> Path:

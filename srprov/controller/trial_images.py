@@ -1,0 +1,74 @@
+"""Which images a run of trials had, and on which robots: kept by this machine, for a bundle that holds them.
+
+The folder of a run may come from a stranger, and which image a container has is the word of its robot: either may name
+one of another experiment by its id, which records tell. So the machine that runs trials remembers who said what. A run
+is known by a secret in its folder, which no bundle holds; what its folder says of images is not believed.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import secrets
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+
+import msgspec
+
+from srprov import private, regular_file
+from srprov.controller.trial_plan import TrialPlan
+from srprov.controller.trial_sameness import Sameness, containers_of
+from srprov.modules.container_params import ContainerParams
+from srprov.record.memory import note_ran, who_ran
+from srprov.session import Session
+
+_FILE = "token"
+_TOKEN = re.compile("[0-9a-f]{32}")
+_LONGEST = 100
+
+
+class Ran(msgspec.Struct, frozen=True):
+    """What this machine remembers of one run."""
+
+    token: str
+    """Empty: no run of this machine."""
+
+    def robots(self, image: str, names: Collection[str]) -> frozenset[str]:
+        """Return the robots, by `identity`, that had an image under one of its names when they ran it."""
+        known = who_ran() if self.token else {}
+        return frozenset(robot for name in names for robot in known.get(_key(self.token, name, image), ()))
+
+
+def ran(folder: Path) -> Ran:
+    """Return what is remembered of the run in a folder."""
+    try:
+        text = regular_file.read(os.path.realpath(folder) + f"/{_FILE}", _LONGEST, real=True).decode("ascii", "replace")
+    except OSError:
+        return Ran("")
+    return Ran(text.strip() if _TOKEN.fullmatch(text.strip()) else "")
+
+
+def remember(folder: Path, plan: TrialPlan, same: Sameness, sessions: Mapping[str, Session]) -> str:
+    """Keep which images a run has now; return why that is not possible, or nothing.
+
+    Raises:
+        OSError: The folder cannot be written.
+    """
+    if not (token := ran(folder).token):
+        token = secrets.token_hex(16)
+        private.replace_file(folder / _FILE, f"{token}\n")
+    had: dict[str, set[str]] = {}
+    for key, robot in _had(plan, same, sessions):
+        had.setdefault(f"{token} {key}", set()).add(robot)
+    return note_ran(had)
+
+
+def _had(plan: TrialPlan, same: Sameness, sessions: Mapping[str, Session]) -> Iterator[tuple[str, str]]:
+    for one in containers_of(plan):
+        assert isinstance(one.params, ContainerParams)
+        if (image := same.get(f"{one.service}: image id")) and one.host in sessions:
+            yield f"{one.params.image} {image}", sessions[one.host].identity
+
+
+def _key(token: str, name: str, image: str) -> str:
+    return f"{token} {name} {image}"
