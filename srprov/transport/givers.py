@@ -2,8 +2,8 @@
 
 An image's configuration names its layers, and a robot that lies builds one that names those of another experiment. From
 the cache only what the robot itself gave once counts as its own: the one with that host key, as every laboratory may
-have a robot1. Kept as `givers.json` beside the cache's folder, which
-may be a link of the user's; what is lost from it costs one more read. Safe for several threads.
+have a robot1. Kept as `givers.json` beside the cache's folder, which may be a link of the user's; what is lost from it
+costs one more read. Safe for several threads.
 """
 
 from __future__ import annotations
