@@ -240,8 +240,8 @@ def _env_files(source: Source) -> dict[str, dict[str, str]]:
         items = [given] if isinstance(given, nodes.Scalar) else given.items if isinstance(given, nodes.Seq) else ()
         for item in items:
             if isinstance(item, nodes.Scalar):
-                path = os.path.realpath(os.path.join(experiment.folder, item.text))
-                text = loader.read_text(path, item.text, envfile.MAX_BYTES)
+                path = os.path.normpath(os.path.join(experiment.folder, item.text))
+                text = experiment.contents[path].decode("utf-8-sig")  # as it was checked
                 found.setdefault(name, {}).update(envfile.parse(text, item.text, source.open)[0])
     return found
 

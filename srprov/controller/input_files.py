@@ -1,11 +1,12 @@
 """What an experiment was read from, for records: its definitions with all that they name, and what is shipped.
 
-Takes a `Planned`; gives contents by path. Reads files again that were not kept in memory; what was shipped by then is
-compared with it, so that a record never holds another content than the robots got.
+Takes a `Planned`; gives contents by path. Definitions are those that were read; what is shipped is read again, and
+compared with what was shipped by then, so that a record never holds another content than the robots got.
 """
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 from collections.abc import Iterator, Mapping
@@ -48,10 +49,10 @@ def reader_files(planned: Planned) -> dict[str, InputFile]:
     found: dict[str, InputFile] = {}
     if planned.definitions is None:
         return found
-    folder = planned.definitions.experiment.folder
+    home = planned.definitions.experiment.home
     for name in FOR_READERS:
         try:
-            content = regular_file.read(os.path.join(os.path.realpath(folder), name), _LARGEST_TEXT, real=True)
+            content = regular_file.read(os.path.join(home, name), _LARGEST_TEXT, real=True)
             found[name] = InputFile(content=content, for_readers=True)
         except OSError:  # most experiments have none of them
             continue
@@ -61,7 +62,8 @@ def reader_files(planned: Planned) -> dict[str, InputFile]:
 def definition_files(planned: Planned) -> dict[str, InputFile]:
     """Return the EDF, its lock, CDFs with those that they extend, env_files and playbooks; a plan file has none.
 
-    Keys are paths relative to the EDF's folder. What has gone meanwhile is left out.
+    Keys are paths relative to the EDF's folder. But for the lock, all is as it was read for the plan: since then others
+    may have put a link to any file of the controller there, or above it.
     """
     if planned.definitions is None:
         return {}
@@ -69,14 +71,12 @@ def definition_files(planned: Planned) -> dict[str, InputFile]:
     known = {experiment.file: experiment.text, **{path: one.text for path, one in containers.items()}}
     known |= {one.file: one.text for one in planned.playbooks}
     known |= {one.dockerfile: one.dockerfile_text for one in containers.values() if one.dockerfile}
-    found = {path: InputFile(content=text.encode("utf-8", "surrogateescape")) for path, text in known.items()}
-    for path in {*experiment.files, lock_path(experiment.file)} - known.keys():
-        try:
-            # each was looked at: a link that leads to it now was put there since
-            place = os.path.join(os.path.realpath(os.path.dirname(path)), os.path.basename(path))
-            found[path] = InputFile(content=regular_file.read(place, _LARGEST, real=True))
-        except OSError:  # a lock need not be there, and of the others the plan has what was in them
-            continue
+    found = {path: InputFile(content=content) for path, content in experiment.contents.items()}
+    found |= {path: InputFile(content=text.encode("utf-8", "surrogateescape")) for path, text in known.items()}
+    lock = lock_path(experiment.file)
+    with contextlib.suppress(OSError):  # it need not be there
+        place = os.path.join(experiment.home, os.path.basename(lock))
+        found[lock] = InputFile(content=regular_file.read(place, _LARGEST, real=True))
     return {os.path.relpath(path, experiment.folder): one for path, one in sorted(found.items())}
 
 

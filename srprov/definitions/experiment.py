@@ -38,7 +38,7 @@ from srprov.definitions.remote import Fetch
 from srprov.definitions.values import scalars, text, texts
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc import nodes
-from srprov.yamldoc.allowance import allowance
+from srprov.yamldoc.allowance import allowance, current
 from srprov.yamldoc.nodes import Findings, Map, Node, Scalar
 
 _MOST_BYTES = 2 * 1024 * 1024
@@ -60,6 +60,7 @@ def load(path: str, environ: Mapping[str, str], fetch: Fetch | None = None) -> D
 
 
 def _load(path: str, environ: Mapping[str, str], fetch: Fetch | None) -> Definitions:
+    home = os.path.realpath(os.path.dirname(os.path.abspath(path)))
     root = right_kind.read(path, "edf")
     if not isinstance(root, Map):
         message = "the file is empty" if root is None else f"an EDF is a map, not {nodes.kind(root)}"
@@ -83,12 +84,15 @@ def _load(path: str, environ: Mapping[str, str], fetch: Fetch | None) -> Definit
             raise
         alone = functools.partial(_checked, root, path, known_files, environ)
         raise DefinitionError(paths.hide_merged(error.problems, alone, known, folder)) from None
-    elsewhere = taken.repositories(read.remote)
+    elsewhere, files, left = taken.repositories(read.remote), _files(root, experiment, read), current.get()
+    contents = {one: left.contents[one] for one in files if one in left.contents} if left else {}
     return Definitions(
         experiment=replace(
             experiment,
             remote=tuple(sorted(set(read.remote))),
-            files=_files(root, experiment, read),
+            home=home,
+            files=files,
+            contents=MappingProxyType(contents),
             outside=tuple(sorted({*experiment.outside, *elsewhere})),
         ),
         containers=MappingProxyType({key: one.definition for key, one in sorted(read.by_path.items())}),

@@ -151,6 +151,8 @@ class Experiment(msgspec.Struct, frozen=True, kw_only=True):
     """Absolute path of the EDF."""
     folder: str
     services: Mapping[str, Service]
+    home: str = ""
+    """The folder without links, as it was when the EDF was read: later, a link may stand for it or lie above it."""
     text: str = ""
     """The EDF as it was read."""
     secrets: Mapping[str, SecretSource] = msgspec.field(default_factory=lambda: MappingProxyType({}))
@@ -160,6 +162,8 @@ class Experiment(msgspec.Struct, frozen=True, kw_only=True):
     """(service, path of the controller) of what it reads or ships from outside of its folder."""
     files: tuple[str, ...] = ()
     """Absolute paths of the EDF, its CDFs, env_files and playbooks, but for what comes from git repositories."""
+    contents: Mapping[str, bytes] = msgspec.field(default_factory=lambda: MappingProxyType({}))
+    """Of these, what was read: later, something else may be there."""
     remote: tuple[tuple[str, str, str], ...] = ()
     """(service, address, branch, tag or commit) of its CDFs in git repositories, those that are extended too."""
     environment: tuple[tuple[str, str], ...] = ()

@@ -133,13 +133,15 @@ def _env_files(node: Node | None, folder: str, environ: Mapping[str, str], findi
             continue
         try:
             shown = paths.shown_beside(item.source.file, item.text)
-            found, bare, problems = envfile.parse(loader.read_text(real, shown, envfile.MAX_BYTES), shown, environ)
+            named = os.path.normpath(os.path.join(item.source.folder, item.text))
+            words = loader.read_text(real, shown, envfile.MAX_BYTES, real=True, known_as=named)
+            found, bare, problems = envfile.parse(words, shown, environ)
         except DefinitionError as error:
             found, bare, problems = {}, set(), list(error.problems)
         findings.extend(map(nodes.without_secrets, problems))
-        for name, words in found.items():
+        for name, value in found.items():
             tag = merging.FROM_CONTROLLER if name in bare else ""
-            entries[name] = Scalar(item.source, item.line, item.column, words, plain=False, tag=tag)
+            entries[name] = Scalar(item.source, item.line, item.column, value, plain=False, tag=tag)
     first = given[0]
     keys = {key: Scalar(first.source, value.line, value.column, key) for key, value in entries.items()}
     variables = Map(first.source, first.line, first.column, entries, keys)

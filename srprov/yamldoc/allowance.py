@@ -1,11 +1,12 @@
 """How much may be read of all files that belong together: a small file may name a thousand large ones.
 
 Takes limits; whoever reads inside of the block, at whatever depth, counts against them. What was found of folders that
-are named, maybe a thousand times each, is kept with them. Touches nothing else.
+are named, maybe a thousand times each, is kept with them, and so is what was read. Touches nothing else.
 """
 
 from __future__ import annotations
 
+import builtins
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -24,6 +25,8 @@ class Allowance:
     """In folders that are walked through: so many may be shipped (`disk.py`)."""
     walked: dict[tuple[str, str], str] = field(default_factory=dict)
     """Folder, and what no link in it may leave -> what is wrong with it."""
+    contents: dict[str, builtins.bytes] = field(default_factory=dict)
+    """Path -> what was read there: whoever needs it later must not read what others put there since."""
 
 
 current: ContextVar[Allowance | None] = ContextVar("current", default=None)

@@ -45,16 +45,19 @@ def read(path: str | FilePath, shown: str = "") -> Node | None:
     return parse(read_text(path, shown), shown or str(path))
 
 
-def read_text(path: str | FilePath, shown: str = "", most: int = MAX_BYTES, *, real: bool = False) -> str:
+def read_text(
+    path: str | FilePath, shown: str = "", most: int = MAX_BYTES, *, real: bool = False, known_as: str = ""
+) -> str:
     """Read a file's text (UTF-8, no byte order mark) of at most `most` bytes; the errors are those of `read`.
 
-    `real` is as for `regular_file.read`.
+    `real` is as for `regular_file.read`; `known_as` is the path by which the content is kept, if that is another.
     """
     name = shown or str(path)
     try:
         data = regular_file.read(path, most, real=real)
         if left := current.get():
             left.bytes -= len(data)
+            left.contents[known_as or str(path)] = data
             if left.bytes < 0:
                 together = f"with it, all files that belong together are larger than {left.most_bytes >> 20} MiB"
                 raise OSError(errno.EFBIG, together)
