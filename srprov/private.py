@@ -136,26 +136,28 @@ def _replace(path: Path, content: bytes | Iterable[bytes]) -> None:
         raise
 
 
-def rewrite(path: Path, content: bytes) -> None:
+def rewrite(name: str, content: bytes, folder: int) -> None:
     """Give a file that is there another content, as `replace_file` does; permissions and owner stay.
+
+    All is done in its folder, which is open: a link that others put in the place of that one leads nothing elsewhere.
 
     Raises:
         OSError: It is no file, or a link, or cannot be written.
     """
-    about = os.lstat(path)
+    beside = f"{name[:200]}.{secrets.token_hex(4)}.part"
+    about = os.lstat(name, dir_fd=folder)
     if not stat.S_ISREG(about.st_mode):
-        raise OSError(errno.EINVAL, "it is no file", str(path))
-    beside = _beside(path)
+        raise OSError(errno.EINVAL, "it is no file", name)
     try:
-        with open(_new(beside), "wb") as stream:
+        with open(_new(Path(beside), folder), "wb") as stream:
             stream.write(content)
             if (about.st_uid, about.st_gid) != (os.geteuid(), os.getegid()):
                 os.fchown(stream.fileno(), about.st_uid, about.st_gid)
             os.fchmod(stream.fileno(), stat.S_IMODE(about.st_mode))
-        beside.replace(path)
+        os.replace(beside, name, src_dir_fd=folder, dst_dir_fd=folder)
     except BaseException:
         with contextlib.suppress(OSError):
-            beside.unlink()
+            os.unlink(beside, dir_fd=folder)
         raise
 
 
@@ -165,9 +167,9 @@ def _beside(path: Path) -> Path:
     return path.with_name(f"{path.name[:200]}.{secrets.token_hex(4)}.part")
 
 
-def _new(path: Path) -> int:
-    """Make a file that was not there, and that is no link to another."""
-    return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+def _new(path: Path, folder: int | None = None) -> int:
+    """Make a file that was not there, and that is no link to another; a relative path begins at an open folder."""
+    return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600, dir_fd=folder)
 
 
 def check_output(path: str) -> None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import difflib
+import os
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from srprov import private
+from srprov import private, regular_file
 from srprov.cli.codes import DIFFERENCES, USAGE
 from srprov.cli.output import counted, err, out
 from srprov.codes import Code
@@ -41,10 +41,10 @@ def fmt(paths: tuple[str, ...], check: bool, diff: bool) -> int:
     from srprov.definitions.formatting import definition_files, formatted
 
     changed, problems, count = 0, list[Diagnostic](), 0
-    for path in definition_files(paths):
+    for place in definition_files(paths):
         count += 1
         try:
-            one = formatted(path)
+            one = formatted(place)
         except DefinitionError as error:
             problems += error.problems
             continue
@@ -71,7 +71,9 @@ def _handle(one: Formatted, *, write: bool, diff: bool) -> None:
         return
     if write:
         try:
-            private.rewrite(Path(one.path), one.after.encode())
+            above, name = os.path.split(one.real)
+            with regular_file.real_folder(above) as folder:
+                private.rewrite(name, one.after.encode(), folder)
         except OSError as error:
             raise UsageError(
                 f"{one.path}: {error.strerror}", hint="it is as it was before", code=Code.CANNOT_WRITE

@@ -13,7 +13,7 @@ import msgspec
 
 from srprov import regular_file
 from srprov.codes import Code
-from srprov.definitions.paths import link_out
+from srprov.definitions.paths import inside, link_out
 from srprov.definitions.schema import MOST_BYTES, MOST_VALUES
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc import loader
@@ -26,10 +26,21 @@ SUFFIXES = tuple(f".{kind}{more}" for kind in KINDS for more in ("", ".yml", ".y
 """Of files that are found in a folder."""
 
 
+class Place(msgspec.Struct, frozen=True):
+    """A file that is to be brought into form."""
+
+    path: str
+    """As it is called in messages."""
+    real: str
+    """Without links, as it was when it was looked for: one that others put there since is not followed."""
+
+
 class Formatted(msgspec.Struct, frozen=True, kw_only=True):
     """A file before and after."""
 
     path: str
+    real: str
+    """As its `Place` has them."""
     before: str
     after: str
 
@@ -39,30 +50,32 @@ class Formatted(msgspec.Struct, frozen=True, kw_only=True):
         return self.before != self.after
 
 
-def formatted(path: str) -> Formatted:
+def formatted(place: Place) -> Formatted:
     """Return a file as it is and in its form.
 
     Raises:
         DefinitionError: It is neither EDF nor CDF, or cannot be read or brought into form.
     """
-    kind = _kind(path)
+    path = place.path
+    kind = _kind(place)
     if not kind:
         problem = Diagnostic(
             Location(path), "is neither an EDF nor a CDF", hint="name it .edf or .cdf", code=Code.WRONG_KIND
         )
         raise DefinitionError([problem])
-    text = loader.read_text(path, most=MOST_BYTES)
-    return Formatted(path=path, before=text, after=_text(text, path, kind))
+    text = loader.read_text(place.real, path, MOST_BYTES, real=True)
+    return Formatted(path=path, real=place.real, before=text, after=_text(text, path, kind))
 
 
-def _kind(path: str) -> str:
+def _kind(place: Place) -> str:
     """Return `edf` or `cdf`, by the name or by a key of that name, or nothing: a Compose file is no EDF."""
     from srprov.definitions.dockerfile import is_dockerfile
 
+    path = place.path
     named = next((suffix[1:4] for suffix in SUFFIXES if path.endswith(suffix)), "")
     if named or is_dockerfile(path):
         return named
-    root = loader.parse(loader.read_text(path, most=MOST_BYTES), path)
+    root = loader.parse(loader.read_text(place.real, path, MOST_BYTES, real=True), path)
     return next((kind for kind in KINDS if isinstance(root, Map) and kind in root.entries), "")
 
 
@@ -91,7 +104,7 @@ def _text(text: str, name: str, kind: str) -> str:
     return canonical(text, name, orders)
 
 
-def definition_files(paths: Sequence[str]) -> Iterator[str]:
+def definition_files(paths: Sequence[str]) -> Iterator[Place]:
     """Yield files that are named, and those of folders that are named, by their suffix.
 
     Hidden folders are left out, and so are links in a folder: they may lead out of it.
@@ -101,15 +114,28 @@ def definition_files(paths: Sequence[str]) -> Iterator[str]:
             leads elsewhere: with a project that was cloned, to files of the user's.
     """
     for path in paths:
+        folder, name = os.path.split(path)
+        real = os.path.realpath(path) if os.path.isdir(path) else os.path.join(os.path.realpath(folder), name)
         why = "is a link, which would be replaced by a file" if os.path.islink(path) and not os.path.isdir(path) else ""
-        if why or link_out(path):
+        if why or link_out(path) or _is_elsewhere(path, real):
             why = why or "a link in it leads out of its folder, and nothing is written by way of it"
             hint = f"name the file itself: {os.path.realpath(path)}"
             raise DefinitionError([Diagnostic(Location(path), why, hint=hint, code=Code.IN_THE_WAY)])
-        if not os.path.isdir(path):
-            yield path
+        if not os.path.isdir(real):
+            yield Place(path, real)
             continue
-        for folder, folders, names in regular_file.walk(path):
+        for folder, folders, names in regular_file.walk(real):
             folders[:] = sorted(one for one in folders if not one.startswith("."))
             files = [os.path.join(folder, one) for one in sorted(names) if one.endswith(SUFFIXES)]
-            yield from (str(Path(one)) for one in files if not os.path.islink(one))
+            shown = [str(Path(path, os.path.relpath(one, real))) for one in files]
+            yield from (Place(*one) for one in zip(shown, files, strict=True) if not os.path.islink(one[1]))
+
+
+def _is_elsewhere(path: str, real: str) -> bool:
+    """Return whether a relative path led out of the folder where it begins, by a link that is gone when it is judged.
+
+    What goes up again behind a name is left to `link_out`.
+    """
+    parts = path.split("/")
+    up = next((count for count, part in enumerate(parts) if part not in ("", ".", "..")), len(parts))
+    return not os.path.isabs(path) and ".." not in parts[up:] and not inside(real, "/".join(parts[:up]) or ".")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import stat
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -111,6 +112,30 @@ def test_no_file_is_written_by_way_of_a_link_that_leads_out(
     assert run(["fmt", word]) == 5
     assert "nothing is written by way of it" in capsys.readouterr().err
     assert (own / "own.edf").read_text() == ODD == (own / "below/own.edf").read_text()
+
+
+@pytest.mark.parametrize("moment", ["srprov.definitions.formatting.canonical", "srprov.yamldoc.loader.read_text"])
+def test_no_file_is_written_by_way_of_a_link_that_is_put_there_meanwhile(
+    here: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], moment: str
+) -> None:
+    """A file of the user's was replaced when a folder above became a link while the text was brought into form."""
+    own = tmp_path / "own"
+    for folder in (own, here / "sub"):
+        folder.mkdir()
+        (folder / "e.edf").write_text(ODD)
+    room, _, name = moment.rpartition(".")
+    function = getattr(sys.modules[room], name)
+
+    def swapping(*given: object, **more: object) -> object:
+        if not (here / "moved").exists():
+            (here / "sub").rename(here / "moved")
+            (here / "sub").symlink_to(own)
+        return function(*given, **more)
+
+    monkeypatch.setattr(moment, swapping)
+    assert run(["fmt", "."]) != 0
+    assert "changed while it was read" in capsys.readouterr().err
+    assert (own / "e.edf").read_text() == ODD and os.listdir(own) == ["e.edf"]
 
 
 def test_a_link_that_is_named_is_refused(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

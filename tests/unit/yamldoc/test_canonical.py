@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -148,8 +149,8 @@ def test_what_cannot_be_written_anew_is_refused(text: str, words: str) -> None:
 
 
 def test_the_examples_are_in_their_form_already() -> None:
-    from srprov.definitions.formatting import formatted
+    from srprov.definitions.formatting import Place, formatted
 
     files = sorted((ROOT / "examples").rglob("*.[ec]df"))
     assert len(files) > 10
-    assert [str(one) for one in files if formatted(str(one)).changed] == []
+    assert [str(one) for one in files if formatted(Place(str(one), os.path.realpath(one))).changed] == []
