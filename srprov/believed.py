@@ -7,6 +7,7 @@ the file system.
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import stat
@@ -131,6 +132,23 @@ def _is_nobody_elses(path: str, about: os.stat_result) -> bool:
     if stat.S_ISLNK(about.st_mode) or about.st_mode & stat.S_ISVTX:
         return about.st_uid in (0, os.geteuid())
     return not others_may_write(path, about)
+
+
+@contextlib.contextmanager
+def to_fill(folder: str) -> Iterator[str]:
+    """Give a name for a folder that is the same one to the end, whatever others put in the place of its path.
+
+    Raises:
+        OSError: It is a link, or not there; or others may write to it, who could put links where something is written.
+    """
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
+    try:
+        name = f"/proc/self/fd/{descriptor}"
+        if others_may_write(name, os.fstat(descriptor)):
+            raise PermissionError(errno.EPERM, "others may write to it", folder)
+        yield name
+    finally:
+        os.close(descriptor)
 
 
 def write(path: Path, content: str) -> None:

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 
 from msgspec.structs import replace
 
-from srprov import __version__, regular_file
+from srprov import __version__, believed, regular_file
 from srprov.codes import Code
 from srprov.conversion.experiment import Draft
 from srprov.conversion.report import as_markdown
@@ -68,14 +68,16 @@ def write(draft: Draft, folder: str, files: Sequence[str]) -> None:
     beside = os.path.join(absolute, name) if inside else f"{absolute}.{name}"
     try:
         os.mkdir(beside, 0o700)
-        _fill(draft, beside, folder, files)
-        if problems := check_files([os.path.join(beside, EDF)], ("*",) if _has_profiles(draft) else ()):
-            raise Refused([_at_home(one, draft, beside) for one in problems])
-        if inside:
-            for entry in sorted(os.listdir(beside)):
-                os.rename(os.path.join(beside, entry), os.path.join(absolute, entry))
-        else:
-            os.rename(beside, absolute)
+        with believed.to_fill(beside) as place:
+            _fill(draft, place, (os.path.realpath(folder), beside), files)
+            if problems := check_files([os.path.join(place, EDF)], ("*",) if _has_profiles(draft) else ()):
+                raise Refused([_at_home(one, draft, place) for one in problems])
+            if inside:
+                with believed.to_fill(absolute) as home:
+                    for entry in sorted(os.listdir(place)):
+                        os.rename(os.path.join(place, entry), os.path.join(home, entry))
+            else:
+                os.rename(beside, absolute)
     except OSError as error:
         raise UsageError(
             f"cannot write {error.filename or folder}: {error.strerror}", code=Code.CANNOT_WRITE
@@ -88,19 +90,19 @@ def _has_profiles(draft: Draft) -> bool:
     return any("profiles" in one for one in draft.edf["services"].values())
 
 
-def _fill(draft: Draft, beside: str, folder: str, files: Sequence[str]) -> None:
-    tree = Tree(beside)
-    copying = _Copying(tree, draft.withheld, (os.path.realpath(folder), beside))
-    for place, source in sorted(draft.copies.items()):
+def _fill(draft: Draft, place: str, passed_over: tuple[str, ...], files: Sequence[str]) -> None:
+    tree = Tree(place)
+    copying = _Copying(tree, draft.withheld, passed_over)
+    for below, source in sorted(draft.copies.items()):
         try:
-            copying.take(source, place)
+            copying.take(source, below)
         except OSError as error:
             which = error.filename or source
             raise UsageError(
                 f"cannot copy {which}: {error.strerror}", hint="leave it out, or make it an image's", code=Code.NO_FILE
             ) from error
-    for place, text in draft.texts.items():
-        tree.write(place, text.encode("utf-8", "replace"))
+    for below, text in draft.texts.items():
+        tree.write(below, text.encode("utf-8", "replace"))
     names = ", ".join(os.path.basename(one) for one in files)
     about = f"Made from {names} by srprov import {__version__}; {REPORT} says how."
     written = {name: writer.document(one, about) for name, one in (*draft.cdfs.items(), (EDF, draft.edf))}

@@ -1,15 +1,18 @@
 """Write an export into a new folder: the only file of this room that touches the disk.
 
-Files come before links, and everything lies below a folder that this made: no link of the experiment's leads a file
-elsewhere. Modes are those of the experiment's files; the folder itself is its owner's alone.
+Files come before links, and everything lies below a folder that this made, and holds open: no link of the experiment's
+leads a file elsewhere, nor one that others put in the folder's place. Modes are those of the experiment's files; the
+folder itself is its owner's alone.
 """
 
 from __future__ import annotations
 
 import os
 import posixpath
+import re
 from collections.abc import Iterable
 
+from srprov import believed
 from srprov.codes import Code
 from srprov.errors import UsageError
 from srprov.exporting.model import File
@@ -26,16 +29,16 @@ def write(folder: str, files: Iterable[File]) -> None:
     """
     try:
         os.makedirs(folder, mode=_MARK, exist_ok=True)
-        if os.listdir(folder):
-            raise UsageError(f"{folder} is not empty", hint="name a new folder with -o", code=Code.IN_THE_WAY)
-        every = sorted(files, key=lambda one: (one.link is not None, not one.is_folder, one.path))
-        made = {""}
-        for one in every:
-            _write(folder, one, made)
+        with believed.to_fill(folder) as place:
+            if os.listdir(place):
+                raise UsageError(f"{folder} is not empty", hint="name a new folder with -o", code=Code.IN_THE_WAY)
+            every = sorted(files, key=lambda one: (one.link is not None, not one.is_folder, one.path))
+            made = {""}
+            for one in every:
+                _write(place, one, made)
     except OSError as error:
-        raise UsageError(
-            f"{error.filename or folder} cannot be written: {error.strerror}", code=Code.CANNOT_WRITE
-        ) from error
+        which = re.sub("/proc/self/fd/[0-9]+", lambda _: folder, str(error.filename or folder))
+        raise UsageError(f"{which} cannot be written: {error.strerror}", code=Code.CANNOT_WRITE) from error
 
 
 def _write(folder: str, one: File, made: set[str]) -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from srprov.conversion import report
 from srprov.conversion.folder import check_target, write
+from srprov.conversion.tree import Tree
 from srprov.definitions import load_experiment
 from srprov.errors import UsageError
 from srprov.importing.normal import Refused
@@ -178,3 +179,23 @@ def test_nothing_is_written_by_way_of_a_projects_links(stack: Path, linked: str)
     assert left(away) == ["mine"]
     assert (away / "mine").read_text() == "mine"
     assert left(stack.parent) == ["away", "stack"]
+
+
+def test_a_link_that_is_put_in_the_folder_s_place_meanwhile_leads_nothing_elsewhere(
+    stack: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever may write to the folder above: files of the user's with the names of an import's were replaced."""
+    own, write_one = stack.parent / "own", Tree.write
+    own.mkdir()
+    (own / "experiment.edf").write_text("mine")
+
+    def swapping(self: Tree, *given: Any) -> None:
+        for one in stack.parent.glob("*.part") if not (stack.parent / "moved").exists() else ():
+            one.rename(stack.parent / "moved")
+            one.symlink_to(own)
+        write_one(self, *given)
+
+    monkeypatch.setattr(Tree, "write", swapping)
+    made(stack, {"a": {**IMAGE}})
+    assert os.listdir(own) == ["experiment.edf"] and (own / "experiment.edf").read_text() == "mine"
+    assert (stack.parent / "moved" / "experiment.edf").exists()

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from srprov.errors import UsageError
+from srprov.exporting import folder
 from srprov.exporting.folder import write
 from srprov.exporting.model import File
 
@@ -42,3 +45,28 @@ def test_a_link_leads_no_file_elsewhere(tmp_path: Path) -> None:
     with pytest.raises(UsageError):
         write(str(tmp_path / "out"), [File(path="a", link="../victim"), File(path="a/x", content=b"1")])
     assert list((tmp_path / "victim").iterdir()) == []
+
+
+def test_a_link_that_is_put_in_the_folder_s_place_meanwhile_leads_nothing_elsewhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever may write to the folder above: files of the export were written where the link led."""
+    (tmp_path / "own").mkdir()
+    once = folder._write
+
+    def swapping(*given: Any) -> None:
+        once(*given)
+        if not (tmp_path / "moved").exists():
+            (tmp_path / "out").rename(tmp_path / "moved")
+            (tmp_path / "out").symlink_to(tmp_path / "own")
+
+    monkeypatch.setattr(folder, "_write", swapping)
+    write(str(tmp_path / "out"), [File(path=name, content=b"x") for name in ("a", "b", "c")])
+    assert os.listdir(tmp_path / "own") == [] and len(os.listdir(tmp_path / "moved")) == 3
+
+
+def test_a_folder_to_which_others_may_write_is_not_filled(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out").chmod(0o777)
+    with pytest.raises(UsageError, match="others may write to it"):
+        write(str(tmp_path / "out"), [File(path="a", content=b"x")])
