@@ -17,7 +17,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from srprov import private
+from srprov import believed, private
 from srprov.codes import Code
 from srprov.controller.fleet import Fleet
 from srprov.controller.snapshot_check import Checker
@@ -61,14 +61,15 @@ def snapshot(fleet: Fleet, target: Path, name: str) -> dict[str, Any]:
     _make_known(hider, [word for robot in robots for word in (robot.name, *(one.name for one in robot.services))])
     robots = [_cleaned(robot, hider) for robot in robots]
     definitions = {robot.name: one for robot in robots if (one := definition_of(robot))}
-    with _draft(target) as draft:
-        robots, definitions = Checker(draft, robots, definitions, hider).checked(name)
+    with _draft(target) as draft, believed.to_fill(str(draft)) as opened:
+        place = Path(opened)
+        robots, definitions = Checker(place, robots, definitions, hider).checked(name)
         if not definitions and not any(robot.services for robot in robots):
             found = [f"{robot.name}: {note.subject}: {note.words}" for robot in robots for note in robot.notes.all()]
             raise UsageError("there is nothing to write", hint="; ".join(found[:5]), code=Code.NOTHING_RUNS)
         document = report.document(name, robots, definitions, unreachable)
         clean = _without(document, hider)
-        private.write_file(draft / REPORT, hider.without_strong(report.markdown(clean)))
+        private.write_file(place / REPORT, hider.without_strong(report.markdown(clean)))
         _put(draft, target)
     return {"folder": str(target), **clean}
 
