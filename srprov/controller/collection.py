@@ -16,17 +16,17 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from srprov import believed, private
+from srprov import private
 from srprov.controller.bringing import Home
 from srprov.controller.collected import Now, read_earlier
 from srprov.controller.fleet import Fleet
 from srprov.controller.located import containers_of
 from srprov.controller.results import Brought, bring_log, bring_results, listed
-from srprov.controller.trial_folder import alone
+from srprov.controller.trial_folder import alone, opened
 from srprov.definitions.expand import expand
 from srprov.definitions.model import Experiment
 from srprov.definitions.trialsmodel import Result
-from srprov.errors import SrprovError, TransportError, UsageError
+from srprov.errors import SrprovError, TransportError
 from srprov.execution.collect import CollectFailed, place_of
 from srprov.execution.trial_patience import EquipmentFailed, Patience
 from srprov.facts.document import facts_document
@@ -75,28 +75,12 @@ def collect(fleet: Fleet, experiment: Experiment, instance: str, folder: Path, s
     snapshot = fleet.gather(Detail.TRAFFIC, keep_mute=True)
     services = _services(snapshot, experiment, instance)
     private.make_folder(folder)
-    with _opened(folder) as place, alone(folder):
+    with opened(folder) as place, alone(folder):
         earlier = read_earlier(place, instance)
         found = _all(fleet, services, place, say)
         for one in found.values():
             one.failed[:] = [line.replace(str(place), str(folder)) for line in one.failed]
         return earlier.replaced(place, _now(snapshot, services, found))
-
-
-@contextlib.contextmanager
-def _opened(folder: Path) -> Iterator[Path]:
-    """Give another name for the folder, by which it is the same one to the end; errors tell its own.
-
-    Whoever may write to the folder above could put a link in its place.
-    """
-    with believed.to_fill(str(folder)) as name:
-        try:
-            yield Path(name)
-        except UsageError as error:
-            raise UsageError(error.message.replace(name, str(folder)), hint=error.hint, code=error.code) from error
-        except OSError as error:
-            error.filename = str(error.filename or folder).replace(name, str(folder))
-            raise
 
 
 def _services(snapshot: Snapshot, experiment: Experiment, instance: str) -> list[_Service]:

@@ -129,3 +129,19 @@ def alone(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.close(descriptor)
+
+
+@contextlib.contextmanager
+def opened(folder: Path) -> Iterator[Path]:
+    """Give another name for the folder, by which it is the same one to the end; errors tell its own.
+
+    Whoever may write to the folder above could put a link in its place.
+    """
+    with believed.to_fill(str(folder)) as name:
+        try:
+            yield Path(name)
+        except UsageError as error:
+            raise UsageError(error.message.replace(name, str(folder)), hint=error.hint, code=error.code) from error
+        except OSError as error:
+            error.filename = str(error.filename or folder).replace(name, str(folder))
+            raise

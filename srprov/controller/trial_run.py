@@ -21,7 +21,7 @@ from srprov.controller.fleet import Fleet
 from srprov.controller.phases import Phases
 from srprov.controller.run import run
 from srprov.controller.trial_connections import LockedRobots
-from srprov.controller.trial_folder import check_new, check_own, make_folder
+from srprov.controller.trial_folder import check_new, check_own, make_folder, opened
 from srprov.controller.trial_history import ACCEPT, History, read_history
 from srprov.controller.trial_images import remember
 from srprov.controller.trial_plan import TrialPlan
@@ -120,10 +120,10 @@ def run_trials(
             _refuse_changes(folder, earlier, same, request)
         if not earlier.events:
             make_folder(folder)
-        remember(folder, plan, same, sessions)
-        with LockedRobots(fleet, sessions, mine, waiting) as connections:
+        with LockedRobots(fleet, sessions, mine, waiting) as connections, opened(folder) as place:
+            remember(place, plan, same, sessions)
             trials = _all(
-                plan, fleet.inventory, made, same, folder, earlier, request, connections, options, say, stop, pause,
+                plan, fleet.inventory, made, same, place, earlier, request, connections, options, say, stop, pause,
             )  # fmt: skip
     return TrialsReport(
         folder=folder, rows=trials.rows, design=made, ended_early=trials.ended_early, base=base,
