@@ -65,8 +65,7 @@ PRELUDE = "\n".join(
 LIMITS = settings(
     max_examples=examples(30), deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large]
 )
-TREE = tempfile.mkdtemp(prefix="injection-")
-(Path(TREE) / "x").write_text("x")
+TREE = str(Path(__file__).parents[1] / "cases" / "shipped")
 
 pytestmark = pytest.mark.skipif(not SHELLS, reason="neither dash nor busybox")
 

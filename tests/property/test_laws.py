@@ -11,7 +11,6 @@ after a failure at any command, the next apply ends where an undisturbed one wou
 from __future__ import annotations
 
 import copy
-import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -61,15 +60,8 @@ def quick_polls() -> Iterator[None]:
     conditions._FIRST_PAUSE_S, conditions._LONGEST_PAUSE_S = before
 
 
-def _folder() -> str:
-    """Return a folder to ship; it holds as little as possible."""
-    folder = Path(tempfile.mkdtemp(prefix="laws-")) / "www"
-    folder.mkdir()
-    (folder / "index.html").write_text("hello")
-    return str(folder)
-
-
-WWW = _folder()
+WWW = str(Path(__file__).parents[1] / "cases" / "shipped")
+"""A folder to ship; it holds as little as possible."""
 MOUNTS = {
     "volume": Mount(kind="volume", source="data", target="/data"),
     "tree": Mount(kind="tree", source=WWW, target="/www"),
