@@ -114,6 +114,9 @@ def _member(tar: bytes, start: int) -> tuple[Member, int]:
     elif kind == tarfile.SYMTYPE:
         link = words.get("linkpath") or _text(header[_LINK])
     one = Member(path.removesuffix("/") if kind == tarfile.DIRTYPE else path, _octal(header[_MODE]), content, link)
+    if "\0" in one.path or "\0" in (link or ""):
+        # GNU tar ends it there: what is checked under one name would be unpacked under another, a link as a tree itself
+        raise ValueError("a tar with a name that no file can have")
     end = at + _padded(len(content or b""))
     # whatever else could stand in it is not what is written here
     if tar[start:at] != _header(one) or tar.count(0, at + size, end) != end - at - size:

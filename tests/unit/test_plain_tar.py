@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
+import subprocess
 import tarfile
 import time
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
@@ -118,6 +120,20 @@ def test_what_lies_below_a_link_is_no_tree() -> None:
     link, below = ("d/l", tarfile.SYMTYPE, 0o644, "/etc"), ("d/l/passwd", tarfile.REGTYPE, 0o644, b"")
     assert plain_digest(written(top, link)) and not plain_digest(written(top, link, below))
     assert not plain_digest(written(("l", tarfile.SYMTYPE, 0o644, "/etc")))
+
+
+@pytest.mark.parametrize("top", ["ä\0b", "x" * 120 + "\0b"])
+def test_a_name_that_ends_elsewhere_for_the_next_reader_is_refused(top: str, tmp_path: Path) -> None:
+    """GNU tar ends a name at a NUL: the link below the one folder would take that folder's place, and lead to `/`."""
+    folder, file = (top, tarfile.DIRTYPE, 0o755, b""), (f"{top}/file", tarfile.REGTYPE, 0o644, b"x")
+    tar = written(folder, (f"{top}/link", tarfile.SYMTYPE, 0o755, "/"))
+    subprocess.run(["tar", "-xf", "-", "-C", str(tmp_path)], input=tar, check=True)
+    assert [one.is_symlink() for one in tmp_path.iterdir()] == [True], "so it is unpacked on a robot"
+    link = ("d/link", tarfile.SYMTYPE, 0o755, f"{LONG}\0x")
+    for strange in (tar, written(folder), written(folder, file), written(EVERY[0], link)):
+        assert (plain_digest(strange), read_context(strange)) == ("", ("", ""))
+        with pytest.raises(ValueError, match="no file can have"):
+            list(plain_tar.members(strange))
 
 
 def test_a_context_is_read_back_as_it_was_written_and_no_other_is() -> None:
