@@ -16,7 +16,7 @@ from srprov.codes import Code
 from srprov.definitions import hostvars, inifile, right_kind, script
 from srprov.definitions.groups import Group, HostEntry, HostTree, Variables, variables_of
 from srprov.definitions.model import Inventory
-from srprov.definitions.paths import folder_of, hide_outside, inside, link_out
+from srprov.definitions.paths import folder_of, hide_outside, inside, link_out, way_out
 from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
 from srprov.yamldoc import loader, nodes
 from srprov.yamldoc.allowance import allowance
@@ -41,6 +41,9 @@ def load(paths: Sequence[str], unnamed: Collection[str] = ()) -> Inventory:
     Raises:
         DefinitionError: With everything that is wrong, in every file.
     """
+    if link := next(filter(None, map(way_out, unnamed)), ""):
+        message = f"'{link}' is a link that leads out of this folder, and you did not name this inventory"
+        raise DefinitionError([Diagnostic(Location(link), message, hint=_NAME_IT, code=Code.UNNAMED_INVENTORY)])
     folders = tuple(dict.fromkeys(_folder(path) for path in paths))
     try:
         with allowance(_MOST_BYTES, _MOST_VALUES):

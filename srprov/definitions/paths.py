@@ -52,6 +52,11 @@ def link_out(path: str) -> str:
     return next((one for one in regular_file.links_in(path) if not inside(one, os.path.dirname(one))), "")
 
 
+def way_out(path: str) -> str:
+    """Return the first link named in a relative path by which it leads out of this very folder, or nothing."""
+    return link_out(path) if not inside(path, os.curdir) else ""
+
+
 def folder_of(path: str) -> str:
     """Return the folder in which a file lies by its name; of one that a link leads to from elsewhere, that link's."""
     return os.path.dirname(os.path.abspath(link_out(path) or path))

@@ -205,6 +205,29 @@ def test_an_inventory_of_a_project_reads_no_variables_elsewhere(here: Path, caps
             shutil.rmtree(here / "exp" / kind)
 
 
+def test_an_inventory_of_the_users_configuration_is_reached_by_no_link_out_of_the_folder(
+    here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A relative path of his own is looked for in whatever folder he is in: a project has a link of that name."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(here / "config"))
+    (here / "config" / "srprov").mkdir(parents=True)
+    (here / "config" / "srprov" / "srprov.toml").write_text("inventory = 'lab/inv.yml'\n")
+    (here / "victim" / "inv.yml").write_text((here / "exp" / "inv.yml").read_text().replace("r1", MARK))
+    (here / "exp" / "lab").symlink_to(here / "victim")
+    assert run(["locks"]) == 5
+    said = capsys.readouterr()
+    assert "'lab' is a link that leads out of this folder" in said.err
+    assert MARK not in said.out + said.err
+    with pytest.raises(DefinitionError, match="1 problem"):
+        load_inventory(["lab"], unnamed=["lab"])
+    assert load_inventory(["lab/inv.yml"]).hosts.keys() == {MARK}, "the user's own may"
+    (here / "exp" / "robots").mkdir()
+    (here / "exp" / "robots" / "inv.yml").write_text((here / "exp" / "inv.yml").read_text())
+    (here / "exp" / "lab").unlink()
+    (here / "exp" / "lab").symlink_to("robots")
+    assert load_inventory(["lab/inv.yml"], unnamed=["lab/inv.yml"]).hosts.keys() == {"r1"}, "it stays in the folder"
+
+
 def test_a_folder_of_a_project_as_inventory_reads_no_file_elsewhere(here: Path) -> None:
     (here / "exp" / "lab").mkdir()
     (here / "exp" / "lab" / "robots.yml").symlink_to(here / "exp" / "inv.yml")
