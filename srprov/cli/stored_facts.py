@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,16 +29,21 @@ FACTS = click.option(
 def stored_facts(path: Path, inventory: Inventory) -> tuple[Snapshot, object]:
     """Read facts from a file, and of a run's record what else led to its decision.
 
-    Robots of the inventory that it does not have count as out of reach.
+    Robots of the inventory that it does not have count as out of reach. What facts say of robots stands in plans and
+    exports, so a link of a project does not lead to those of another lab.
 
     Raises:
-        UsageError: It holds no facts.
+        UsageError: It holds no facts, or is reached by a link that leads out of its folder.
     """
     from srprov.cli.facts_ranges import check_ranges
+    from srprov.definitions import link_out
     from srprov.facts.host import with_inventory
     from srprov.facts.stored import read_document
     from srprov.untrusted import parse_json
 
+    if link := link_out(str(path)):
+        hint = f"if you mean what it leads to, name that: --facts {os.path.realpath(path)}"
+        raise UsageError(f"{link} is a link that leads out of its folder", hint=hint, code=Code.STRANGE_FILE)
     try:
         document = parse_json(regular_file.read_text(path))
         found = read_document(document)

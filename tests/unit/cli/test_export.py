@@ -102,6 +102,20 @@ def test_what_is_refused_writes_nothing(lab: Path, capsys: pytest.CaptureFixture
     assert not (lab / "out").exists()
 
 
+def test_facts_are_read_by_no_link_that_leads_out(
+    lab: Path, tmp_path_factory: pytest.TempPathFactory, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A project's `facts.json` may lead to those of another lab: addresses of its robots would be in the export."""
+    other = tmp_path_factory.mktemp("other") / "facts.json"
+    (lab / "facts.json").rename(other)
+    (lab / "facts.json").symlink_to(other)
+    given = ["export", "compose", "e.edf", "-i", "inv.yml", "-o", "out", "--facts"]
+    assert run([*given, "facts.json"]) == 5
+    assert "facts.json is a link that leads out of its folder" in capsys.readouterr().err
+    assert not (lab / "out").exists()
+    assert run([*given, str(other)]) == 0, "what the user names himself"
+
+
 def test_facts_need_an_inventory(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["export", "compose", "e.edf", "--facts", "facts.json", "-o", "out"]) == 5
     assert "name it with -i" in capsys.readouterr().err
