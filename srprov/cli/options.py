@@ -12,6 +12,7 @@ from msgspec.structs import replace
 
 from srprov import names
 from srprov.cli.fork_options import FORKS, SHARING
+from srprov.cli.output_options import no_way_out
 from srprov.cli.seconds import Seconds
 from srprov.codes import Code
 from srprov.controller.request import SEARCH_LIMIT_S, PlanRequest
@@ -94,7 +95,7 @@ def asked_for_become() -> bool:
 
 RUNS = click.option(
     "--runs", type=click.Path(file_okay=False, path_type=Path), envvar="SRPROV_RUNS", default=None, metavar="DIR",
-    help="Where runs are recorded (default: ~/.local/state/srprov/runs).",
+    callback=no_way_out, help="Where runs are recorded (default: ~/.local/state/srprov/runs).",
 )  # fmt: skip
 
 

@@ -109,3 +109,16 @@ def no_link(_context: click.Context, _option: click.Parameter, folder: _T) -> _T
         why = f"{link} is a link, and nothing is written by way of it"
         raise UsageError(why, hint=hint, code=Code.STRANGE_FILE)
     return folder
+
+
+def no_way_out(_context: click.Context, _option: click.Parameter, folder: _T) -> _T:
+    """Refuse a folder that is kept, of a relative path in which a link leads out: a project may have brought it.
+
+    One that stays is the project's own matter, and a whole path the user's.
+    """
+    from srprov.definitions import link_out
+
+    if folder is not None and (link := link_out(str(folder))):
+        hint = f"if you mean what it leads to, name that: {os.path.realpath(str(folder))}"
+        raise UsageError(f"{link} is a link that leads out of its folder", hint=hint, code=Code.STRANGE_FILE)
+    return folder

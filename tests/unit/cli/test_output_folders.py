@@ -60,6 +60,30 @@ def test_no_file_of_an_example_is_written_by_way_of_a_link(
     assert list(away.iterdir()) == [] and [one.name for one in project.iterdir()] == ["www"]
 
 
+@pytest.mark.parametrize("written", ["runs", "./runs/", "runs/new", "sub/../runs"])
+def test_no_run_is_recorded_by_way_of_a_link_that_leads_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], written: str
+) -> None:
+    """A project that was cloned has a link `runs`: the record of an `apply` was written where it leads."""
+    project, away = tmp_path / "project", tmp_path / "away"
+    for folder in (project / "sub", project / "kept", away):
+        folder.mkdir(parents=True)
+    (project / "e.edf").write_text("edf: 1\nname: x\nservices: {a: {image: busybox}}\n")
+    (project / "inv.yml").write_text("all: {hosts: {r1: {ansible_host: 127.0.0.1, ansible_port: 1}}}\n")
+    (project / "runs").symlink_to(away)
+    monkeypatch.chdir(project)
+    apply = ["apply", "e.edf", *INVENTORY, "--yes", "--runs"]
+    assert run([*apply, written]) == 5
+    assert "is a link that leads out of its folder" in capsys.readouterr().err
+    assert run([*apply, str(project / "runs")]) == 4, "a whole path is the user's own"
+    monkeypatch.setenv("SRPROV_RUNS", written)
+    assert run(["runs"]) == 5
+    (project / "runs").unlink()
+    (project / "runs").symlink_to("kept")
+    monkeypatch.setenv("SRPROV_RUNS", "runs")
+    assert run(["runs"]) == 0
+
+
 def test_links_of_a_whole_path_are_the_user_s(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """He may keep what is large on another disk, and his temporary folder may be a link."""
     (tmp_path / "away").mkdir()
