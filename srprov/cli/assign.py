@@ -9,6 +9,7 @@ import click
 
 from srprov.cli import inputs, options
 from srprov.cli.output import err, out, out_json, tell_unreachable
+from srprov.cli.output_options import no_way_above
 from srprov.cli.permitted import permitted
 from srprov.cli.stdout_guard import answers_only
 from srprov.cli.stored_facts import FACTS, stored_facts
@@ -29,8 +30,10 @@ if TYPE_CHECKING:
 @FACTS
 @click.option("--explain", is_flag=True, help="Say the cost by term, the next best robot, and why not elsewhere.")
 @click.option("--pareto", is_flag=True, help="Show what each step of fairness costs.")
-@click.option("--svg", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Draw the cost matrix.")
-@click.option("--png", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Draw the cost matrix.")
+@click.option("--svg", type=click.Path(dir_okay=False, path_type=Path), callback=no_way_above, metavar="FILE",
+              help="Draw the cost matrix.")  # fmt: skip
+@click.option("--png", type=click.Path(dir_okay=False, path_type=Path), callback=no_way_above, metavar="FILE",
+              help="Draw the cost matrix.")  # fmt: skip
 def assign(
     file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, request: PlanRequest,
     allow: tuple[str, ...], stored: Path | None, explain: bool, pareto: bool, svg: Path | None, png: Path | None,

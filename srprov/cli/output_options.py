@@ -47,6 +47,7 @@ class _Output(click.File):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:  # noqa: ANN401 - as click has it
         if not isinstance(value, str) or value == "-":
             return super().convert(value, param, ctx)
+        _check_way(os.path.dirname(value))
         try:
             stream = private.open_output(value)
         except OSError as error:
@@ -116,9 +117,21 @@ def no_way_out(_context: click.Context, _option: click.Parameter, folder: _T) ->
 
     One that stays is the project's own matter, and a whole path the user's.
     """
+    if folder is not None:
+        _check_way(str(folder))
+    return folder
+
+
+def no_way_above(_context: click.Context, _option: click.Parameter, file: _T) -> _T:
+    """Refuse a file to write that lies in such a folder; what has its own name is replaced, also where it is a link."""
+    if file is not None:
+        _check_way(os.path.dirname(str(file)))
+    return file
+
+
+def _check_way(folder: str) -> None:
     from srprov.definitions import link_out
 
-    if folder is not None and (link := link_out(str(folder))):
-        hint = f"if you mean what it leads to, name that: {os.path.realpath(str(folder))}"
+    if link := link_out(folder):
+        hint = f"if you mean what it leads to, name that: {os.path.realpath(folder)}"
         raise UsageError(f"{link} is a link that leads out of its folder", hint=hint, code=Code.STRANGE_FILE)
-    return folder

@@ -84,6 +84,33 @@ def test_no_run_is_recorded_by_way_of_a_link_that_leads_out(
     assert run(["runs"]) == 0
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("apply", "e.edf", "--yes", "--events"),
+        ("destroy", "e.edf", "--yes", "--events"),
+        ("assign", "e.edf", "--svg"),
+        ("assign", "e.edf", "--png"),
+    ],
+)
+def test_no_events_and_no_picture_are_written_by_way_of_a_link_that_leads_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+) -> None:
+    """A project has a link `out`, and a file of the user's with that name lies where it leads: it was replaced."""
+    project, away = tmp_path / "project", tmp_path / "away"
+    for folder in (project, away):
+        folder.mkdir()
+    (project / "e.edf").write_text("edf: 1\nname: x\nservices: {a: {image: busybox}}\n")
+    (project / "inv.yml").write_text("all: {hosts: {r1: {ansible_host: 127.0.0.1, ansible_port: 1}}}\n")
+    (project / "out").symlink_to(away)
+    (away / "kept").write_text("the user's")
+    monkeypatch.chdir(project)
+    assert run([*words, "out/kept", *INVENTORY]) == 5
+    assert "out is a link that leads out of its folder" in capsys.readouterr().err
+    assert [one.read_text() for one in away.iterdir()] == ["the user's"]
+    assert run([*words, str(project / "out" / "new"), *INVENTORY]) in (4, 8), "a whole path is the user's own"
+
+
 def test_links_of_a_whole_path_are_the_user_s(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """He may keep what is large on another disk, and his temporary folder may be a link."""
     (tmp_path / "away").mkdir()
