@@ -115,6 +115,15 @@ def test_accept_new_hashes_names_when_asked(tmp_path: Path) -> None:
     assert len(file.read_text().splitlines()) == 1
 
 
+@pytest.mark.parametrize("name", ["*", "x,robot1", "!robot1", "x robot1", "ä"])
+def test_a_name_that_known_hosts_would_read_as_others_is_hashed(tmp_path: Path, name: str) -> None:
+    """A project's inventory may have any name as an address: its line must speak of no other robot."""
+    file = tmp_path / "known"
+    check(settings(file, accept_new=True, hostname=name), [], "ssh-ed25519", BLOB)
+    assert file.read_text().startswith("|1|") and not known_keys([str(file)], "robot1", None)
+    assert known_keys([str(file)], name, None)
+
+
 def test_fingerprint_is_openssh_s() -> None:
     blob = base64.b64decode("AAAAC3NzaC1lZDI1NTE5AAAAIOMqqnkVzrm0SdG6UOoqKLsabgH5C9okWi0dh2l9GKJl")
     assert fingerprint(blob) == "SHA256:+DiY3wvvV6TuJJhbpZisF/zLDA0zPMSvHdkr4UvCOqU"
