@@ -6,6 +6,7 @@ its mounts are read back from the engine's form; whether they are such as srprov
 
 from __future__ import annotations
 
+import posixpath
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -83,6 +84,9 @@ def _mount(instance: str, mount: Mapping[str, Any]) -> Mount | SecretUse | None:
         is_ours = name != source and WORD.fullmatch(name)
         return Mount(kind="volume", source=name, target=target, read_only=read_only) if is_ours else None
     if kind != "bind":
+        return None
+    if source != posixpath.normpath(f"/{source.lstrip('/')}"):
+        # an engine takes `..` out of the text, a shell goes by what is there: what was looked at were another path
         return None
     own = None if make else _shipped(instance, source, target, read_only)
     return own or Mount(kind="bind", source=source, target=target, read_only=read_only, create_host_path=make)
