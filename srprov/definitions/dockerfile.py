@@ -5,13 +5,12 @@ Takes the text; gives instructions with their lines. Pure. Nothing is expanded; 
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterator
 from itertools import chain
 
 from srprov.codes import Code
-from srprov.definitions import heredoc, images
+from srprov.definitions import dockerwords, heredoc, images
 from srprov.errors import Diagnostic, Location
 
 _FROM = re.compile(r"(?:--\S*\s+)*(?P<image>\S+)(?:\s+as\s+(?P<name>\S+))?", re.IGNORECASE)
@@ -214,6 +213,9 @@ def unclear(text: str) -> tuple[int, str] | None:
             return number, "it changes the escape character"
         if _FRONTEND.match(line.strip()):
             return number, "it names another frontend than docker/dockerfile"
+    for joint in _JOINTS:
+        if number := dockerwords.hidden_proxy(instructions(text, joint)):
+            return number, "a proxy before FROM is no part of what a builder knows a layer by; write it below"
     for number, instruction, words in chain(instructions(text), instructions(text, _JOINTS[1])):
         word, rest = instruction, words
         while word == "ONBUILD" and rest:
@@ -221,7 +223,7 @@ def unclear(text: str) -> tuple[int, str] | None:
             word, rest = first.upper(), " ".join(others)
         if not word.isascii() or word.startswith(("-", "{")):
             return number, "its instruction is no plain word"
-        if word in ("RUN", "COPY", "ADD") and not _is_list(rest) and heredoc.may_begin(rest):
+        if word in ("RUN", "COPY", "ADD") and not dockerwords.is_list(rest) and heredoc.may_begin(rest):
             return number, "it may begin a here-document, which the engine's builder does not know"
         if word in ("FROM", "COPY", "ADD", "RUN") and (why := _unclear_words(word, rest)):
             return number, why
@@ -237,14 +239,5 @@ def _unclear_words(instruction: str, rest: str) -> str:
     if options and (_QUOTE.search(options[0]) or "--" in options[0].split()):
         return "an option holds a quote or an escape, or nothing"
     # what a COPY copies is in the build's context, however it is written; what FROM names is asked for then
-    taken_as_is = instruction in ("COPY", "FROM", "RUN") or (instruction == "ADD" and _is_list(words))
+    taken_as_is = instruction in ("COPY", "FROM", "RUN") or (instruction == "ADD" and dockerwords.is_list(words))
     return "a name holds a quote or an escape" if not taken_as_is and _QUOTE.search(words) else ""
-
-
-def _is_list(words: str) -> bool:
-    """Return whether words are a JSON list of texts, which Docker takes as they are."""
-    try:
-        value = json.loads(words) if words.startswith("[") else None
-    except (ValueError, RecursionError):
-        return False
-    return isinstance(value, list) and all(isinstance(one, str) for one in value)

@@ -24,7 +24,7 @@ from srprov.execution.failure_text import failure_text, last_lines
 from srprov.execution.options import STOP_TIMEOUT_S
 from srprov.execution.outcome import Event, Listener, Outcome, StepResult
 from srprov.execution.stopping import stop_together
-from srprov.execution.triggers import refuse_triggers
+from srprov.execution.triggers import kept_apart, refuse_triggers
 from srprov.modules import MODULES, PROBING, RUNNING
 from srprov.modules.observe import observe_queries, parse_observed, parse_probed, probe_queries
 from srprov.planning.plan import Step
@@ -149,7 +149,7 @@ class RobotExecutor:
     def _execute(self, step: Step, command: Command, progress: Progress) -> Reply:
         """Send one command of a step; a build only where it runs nothing that nobody was asked about."""
         if isinstance(command, EngineCall):
-            command = command.stopping_within(self.stop_timeout_s)
+            command = kept_apart(command.stopping_within(self.stop_timeout_s))
             if (
                 command.path == "/build"
                 and not self.triggers

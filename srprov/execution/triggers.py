@@ -1,10 +1,12 @@
-"""What a build would run that nobody was asked about: ONBUILD instructions of the images that it starts from.
+"""What a build would bring along that nobody was asked about: ONBUILD instructions of the images that it starts from.
 
 An engine runs them as part of the build, so they can copy files of other experiments' images, or fetch a URL from the
 robot's own network. Only the image says that it has some, so each is looked at on the robot right before the build.
 """
 
 from __future__ import annotations
+
+from msgspec.structs import replace
 
 from srprov import plain_tar
 from srprov.definitions.dockerfile import is_open, stages
@@ -47,23 +49,46 @@ def refuse_triggers(build: EngineCall, session: Session, progress: Progress) -> 
     return None
 
 
+def kept_apart(command: EngineCall) -> EngineCall:
+    """Return a build without the engine's cache where a stage begins with nothing; any other command as it is.
+
+    Before Docker 25 every image without a parent counts for such a stage: one that was pulled, or loaded, and says of
+    itself that it came of the same first step, would be below what is built, with files of whoever made it.
+    """
+    if command.path != "/build" or not _may_begin_with_nothing(command.blob):
+        return command
+    return replace(command, params=(*command.params, ("nocache", "true")))
+
+
+def _may_begin_with_nothing(context: bytes) -> bool:
+    try:
+        begins = [image for _, image, _ in stages(_dockerfile(context))]
+    except ValueError:  # it is refused, or an engine is asked for what it makes of it
+        return True
+    return not begins or any(image.lower() == "scratch" or is_open(image) for image in begins)
+
+
 def _bases(context: bytes) -> list[str]:
     """Return the images that a context's Dockerfile starts from, in their order.
 
     Raises:
         ValueError: It is no context that srprov writes, or its Dockerfile is too large.
     """
-    plain_tar.check_paths(plain_tar.members(context))
-    content = next((one.content for one in plain_tar.members(context) if one.path == "Dockerfile"), None)
-    if content is None or len(content) > _MOST_BYTES:
-        raise ValueError(f"it has no Dockerfile of at most {_MOST_BYTES >> 20} MiB")
-    text = content.decode("utf-8", "replace")
+    text = _dockerfile(context)
     known, found = {"scratch"}, []
     for _, image, name in stages(text):
         if image.lower() not in known and not is_open(image):
             found.append(image)
         known.add(name)
     return list(dict.fromkeys(found))
+
+
+def _dockerfile(context: bytes) -> str:
+    plain_tar.check_paths(plain_tar.members(context))
+    content = next((one.content for one in plain_tar.members(context) if one.path == "Dockerfile"), None)
+    if content is None or len(content) > _MOST_BYTES:
+        raise ValueError(f"it has no Dockerfile of at most {_MOST_BYTES >> 20} MiB")
+    return content.decode("utf-8", "replace")
 
 
 def _pull(name: str, timeout_s: float) -> EngineCall:

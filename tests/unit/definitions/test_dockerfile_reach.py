@@ -134,6 +134,30 @@ UNCLEAR = [
     "FROM a\nONBU\u0130LD ADD http://127.0.0.1/x /x\n",
 ]
 
+HIDDEN = [
+    "ARG http_proxy=http://evil.example\nFROM a\nARG V=1\nRUN x\n",
+    "ARG A=1 HTTPS_PROXY=x\nFROM a\n",
+    "# c\narg \\\n  No_Proxy=x\nFROM a\n",
+    'ARG "http_proxy"=x\nFROM a\n',
+    "ARG A=tp\nARG ht${A}_proxy=x\nFROM a\n",
+    "ARG h\\ttp_proxy=x\nFROM a\n",
+    "ARG A='\\' http_proxy=x '\nFROM a\n",
+    "ARG A=1 \\\\\nARG ALL_PROXY\nFROM a\n",
+]
+
+
+@pytest.mark.parametrize("text", HIDDEN)
+def test_a_proxy_that_a_builder_leaves_out_of_what_it_knows_a_layer_by_is_refused(text: str) -> None:
+    """A layer that came through a stranger's proxy would be in the image of another experiment with the same step."""
+    (found,) = check(text, "Dockerfile")
+    assert "a proxy before FROM" in found.message and found.location.line <= text.count("FROM") + text.count("ARG") + 1
+
+
+def test_a_proxy_in_a_stage_counts_there_and_other_args_are_taken() -> None:
+    text = 'ARG TAG=1 "A"\nFROM a:${TAG}\n'
+    assert unclear(text) is not None
+    assert unclear("ARG TAG=\"a b\" B='c' C\nFROM a:${TAG}\nARG http_proxy=http://lab:3128\nRUN x\n") is None
+
 
 @pytest.mark.parametrize("text", UNCLEAR)
 def test_what_docker_may_read_otherwise_is_refused_at_its_line(text: str) -> None:

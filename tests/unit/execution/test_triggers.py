@@ -8,7 +8,7 @@ from typing import Any, cast
 
 import pytest
 
-from srprov.execution.triggers import refuse_triggers
+from srprov.execution.triggers import kept_apart, refuse_triggers
 from srprov.images.context import context_tar
 from srprov.images.plan import ContextFile
 from srprov.session import Progress, Session, no_progress
@@ -103,3 +103,21 @@ def test_a_context_that_srprov_does_not_write_is_not_built(context: bytes) -> No
     refused = refusal_of(robot, context)
     assert refused is not None and not refused.ok and not robot.pulled
     assert refused.err.startswith("the build's context is not such as srprov writes: ")
+
+
+@pytest.mark.parametrize(
+    ("dockerfile", "apart"),
+    [
+        ("FROM scratch\nCOPY rootfs /\n", True),
+        ("FROM golang AS b\nRUN x\nFROM scratch\nCOPY --from=b /x /x\n", True),
+        ("ARG B=scratch\nFROM $B\nCOPY rootfs /\n", True),
+        ("FROM debian\nCOPY scratch /\n", False),
+        ("FROM debian AS a\nFROM a\nRUN x\n", False),
+    ],
+)
+def test_what_begins_with_nothing_is_built_on_no_image_that_says_it_began_so(dockerfile: str, apart: bool) -> None:
+    """An engine before 25 takes any image without a parent, as one that was pulled, for that build's first step."""
+    build = EngineCall(method="POST", path="/build", params=(("t", "x"),), blob=context_tar(dockerfile, []))
+    assert (("nocache", "true") in kept_apart(build).params) is apart
+    other = EngineCall(method="POST", path="/containers/create", body="{}")
+    assert kept_apart(other) is other

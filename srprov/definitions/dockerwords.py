@@ -1,0 +1,36 @@
+"""Words of a Dockerfile's instructions: lists, and names of ARG that a builder has a meaning of its own for. Pure."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable
+
+_PROXIES = ("http_proxy", "https_proxy", "ftp_proxy", "no_proxy", "all_proxy")
+_WORD = re.compile(r"(?:[^\s\"'\\]|\"[^\"\\]*\"|'[^'\\]*')+")
+_NAME = re.compile("[A-Za-z_][A-Za-z0-9_.-]*")
+
+
+def is_list(words: str) -> bool:
+    """Return whether words are a JSON list of texts, which Docker takes as they are."""
+    try:
+        value = json.loads(words) if words.startswith("[") else None
+    except (ValueError, RecursionError):
+        return False
+    return isinstance(value, list) and all(isinstance(one, str) for one in value)
+
+
+def hidden_proxy(instructions: Iterable[tuple[int, str, str]]) -> int:
+    """Return the line of an ARG before all stages that is a proxy, or that may be one; 0 where there is none.
+
+    The classic builder gives a proxy of there to each RUN, and leaves it out of what it knows the layer by. So one that
+    came through it would be taken for the same step of another experiment. In a stage it counts.
+    """
+    for number, instruction, rest in instructions:
+        if instruction == "FROM":
+            return 0
+        names = [word.partition("=")[0] for word in _WORD.findall(rest)] if instruction == "ARG" else []
+        plain = all(map(_NAME.fullmatch, names)) and not (names and _WORD.sub("", rest).strip())
+        if not plain or any(name.lower() in _PROXIES for name in names):
+            return number
+    return 0
