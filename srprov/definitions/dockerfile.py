@@ -225,6 +225,8 @@ def unclear(text: str) -> tuple[int, str] | None:
             return number, "its instruction is no plain word"
         if word in ("RUN", "COPY", "ADD") and not dockerwords.is_list(rest) and heredoc.may_begin(rest):
             return number, "it may begin a here-document, which the engine's builder does not know"
+        if word == "RUN" and dockerwords.is_builders_own(rest):
+            return number, "a builder may take it for another instruction: it holds #(nop)"
         if word in ("FROM", "COPY", "ADD", "RUN") and (why := _unclear_words(word, rest)):
             return number, why
     return None

@@ -8,6 +8,9 @@ from collections.abc import Iterable
 
 _PROXIES = ("http_proxy", "https_proxy", "ftp_proxy", "no_proxy", "all_proxy")
 _WORD = re.compile(r"(?:[^\s\"'\\]|\"[^\"\\]*\"|'[^'\\]*')+")
+_BUILDERS_OWN = "#(nop)"
+"""How the command begins by which the classic builder knows the layer of a COPY, an ENV or a LABEL."""
+_CODE = re.compile(r"\\u([0-9A-Fa-f]{4})")
 _NAME = re.compile("[A-Za-z_][A-Za-z0-9_.-]*")
 
 
@@ -18,6 +21,14 @@ def is_list(words: str) -> bool:
     except (ValueError, RecursionError):
         return False
     return isinstance(value, list) and all(isinstance(one, str) for one in value)
+
+
+def is_builders_own(command: str) -> bool:
+    """Return whether the classic builder may take a RUN for another instruction when it looks for a layer.
+
+    It would be in the place of that one in another experiment's image, which then lacks what is copied there.
+    """
+    return _BUILDERS_OWN in command or _BUILDERS_OWN in _CODE.sub(lambda match: chr(int(match[1], 16)), command)
 
 
 def hidden_proxy(instructions: Iterable[tuple[int, str, str]]) -> int:

@@ -28,6 +28,7 @@ from srprov.wire import quote
 _T = TypeVar("_T")
 
 _MARK = "\x01"
+_BUILDERS_OWN = "#(nop)"
 
 
 class FieldErrors:
@@ -97,7 +98,7 @@ def render_dockerfile(cdf: ContainerDefinition, commits: Sequence[str] = ()) -> 
             errors.attempt(f"files.{i}", partial(_copy, i, file.source, file.dest), "")
             for i, file in enumerate(cdf.files)
         ],
-        "run": [quoting.exec_form(("/bin/sh", "-ec", script)) for script in cdf.run],
+        "run": [errors.attempt(f"run.{i}", partial(_script, script), "") for i, script in enumerate(cdf.run)],
         **_process(errors),
         "label": errors.attempt("name", lambda: label_line(cdf), ""),
     }
@@ -142,6 +143,17 @@ def _copy(index: int, source: str, dest: str) -> str:
     return quoting.exec_form((context_name(index), quoting.path("the destination", target)))
 
 
+def _script(text: str) -> str:
+    """Return the argument of RUN for a script.
+
+    Raises:
+        ValueError: It begins as what the builder knows other instructions by.
+    """
+    if text.startswith(_BUILDERS_OWN):
+        raise ValueError("it begins with #(nop), as what Docker's builder makes of other instructions does")
+    return quoting.exec_form(("/bin/sh", "-ec", text))
+
+
 def _repository(errors: FieldErrors, index: int, commit: str) -> dict[str, object]:
     one = errors.cdf.repositories[index]
     words = (repository_name(index), quoting.path("the repository's folder", one.path))
@@ -149,7 +161,7 @@ def _repository(errors: FieldErrors, index: int, commit: str) -> dict[str, objec
         "commit": commit,
         "url": one.url,
         "words": errors.attempt(f"repositories.{index}.path", lambda: quoting.exec_form(words), ""),
-        "run": [quoting.exec_form(("/bin/sh", "-ec", f"cd {quote(one.path)}\n{script}")) for script in one.run],
+        "run": [_script(f"cd {quote(one.path)}\n{script}") for script in one.run],
     }
 
 

@@ -153,6 +153,21 @@ def test_a_proxy_that_a_builder_leaves_out_of_what_it_knows_a_layer_by_is_refuse
     assert "a proxy before FROM" in found.message and found.location.line <= text.count("FROM") + text.count("ARG") + 1
 
 
+@pytest.mark.parametrize(
+    "run",
+    [
+        "#(nop) COPY dir:0 in /conf ",
+        '["/bin/sh", "-c", "#(nop) COPY dir:0 in /conf "]',
+        '["/bin/sh", "-c", "\\u0023(n\\u006fp) COPY dir:0 in /conf "]',
+        '["/bin/sh", "-c", "#(no\\\np) COPY dir:0 in /conf "] x',
+    ],
+)
+def test_a_run_that_a_builder_would_take_for_a_copy_is_refused(run: str) -> None:
+    """It was the layer of that COPY in another experiment's image, which then had none of the files."""
+    (found,) = check(f"FROM a\nRUN {run}\n", "Dockerfile")
+    assert "another instruction" in found.message and found.location.line == 2
+
+
 def test_a_proxy_in_a_stage_counts_there_and_other_args_are_taken() -> None:
     text = 'ARG TAG=1 "A"\nFROM a:${TAG}\n'
     assert unclear(text) is not None

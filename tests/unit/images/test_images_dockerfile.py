@@ -62,6 +62,13 @@ def test_beginning_with_nothing() -> None:
     assert found.pinned
 
 
+def test_a_line_that_the_builder_would_take_for_another_instruction_is_refused() -> None:
+    with pytest.raises(DefinitionError) as caught:
+        render_dockerfile(replace(CDF, run=("#(nop) COPY dir:0 in /conf ",)))
+    (found,) = caught.value.problems
+    assert found.path == "run.0" and "#(nop)" in found.message
+
+
 def test_definitions_with_equal_packages_share_their_first_layers() -> None:
     other = replace(FULL, name="listener", apt=tuple(reversed(FULL.apt)), run=("true",), files=())
     one, two = render_dockerfile(FULL, COMMITS).text.split("\n"), render_dockerfile(other).text.split("\n")
