@@ -6,6 +6,8 @@ robot's own network. Only the image says that it has some, so each is looked at 
 
 from __future__ import annotations
 
+import re
+
 from msgspec.structs import replace
 
 from srprov import plain_tar
@@ -15,6 +17,7 @@ from srprov.session import Progress, Session
 from srprov.untrusted import mapping
 from srprov.wire import EngineCall, EngineQuery, Reply
 
+_VARIABLE = re.compile(r"\$\{[a-z_][a-z0-9_]*(?::[-+][^${}\"'\\]*)?\}|\$[a-z_][a-z0-9_]*")
 _MOST_BYTES = 8 << 20
 """Of a Dockerfile inside a build's context."""
 
@@ -65,7 +68,13 @@ def _may_begin_with_nothing(context: bytes) -> bool:
         begins = [image for _, image, _ in stages(_dockerfile(context))]
     except ValueError:  # it is refused, or an engine is asked for what it makes of it
         return True
-    return not begins or any(image.lower() == "scratch" or is_open(image) for image in begins)
+    return not begins or any(map(_may_be_scratch, begins))
+
+
+def _may_be_scratch(image: str) -> bool:
+    """Return whether a base is `scratch`, or may be: `${BASE}` may, for some value, and `ros:${NAME}` may not."""
+    fixed = _VARIABLE.split(image.lower())
+    return any(map(is_open, fixed)) or re.fullmatch(".*".join(map(re.escape, fixed)), "scratch") is not None
 
 
 def _bases(context: bytes) -> list[str]:
