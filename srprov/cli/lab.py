@@ -73,9 +73,12 @@ def up(name: str, count: int | None, spec_path: Path | None, user: str | None) -
 
     Boots what is missing or dead, removes what is too many, and leaves the rest alone.
     """
+    from srprov.definitions import refuse_link_out
+
     text = None
     if spec_path is not None:
-        _check_spec(str(spec_path))
+        # of a project's link, a line of what it leads to would be shown where it is wrong
+        refuse_link_out(str(spec_path), "--spec ")
         try:
             text = regular_file.read_text(spec_path)
         except OSError as error:
@@ -86,15 +89,6 @@ def up(name: str, count: int | None, spec_path: Path | None, user: str | None) -
     seen = overview.robots(name)
     say(f"{len(seen)} robots are ready" + ("" if booted else ", nothing to do"))
     say(f"use them with -i {os.path.relpath(find(name).inventory)}")
-
-
-def _check_spec(path: str) -> None:
-    """Refuse a link of a project that leads elsewhere: a line of what it leads to would be shown where it is wrong."""
-    from srprov.definitions import link_out
-
-    if link := link_out(path):
-        hint = f"if you mean what it leads to, name that: --spec {os.path.realpath(path)}"
-        raise UsageError(f"{link} is a link that leads out of its folder", hint=hint, code=Code.STRANGE_FILE)
 
 
 @lab.command()

@@ -130,8 +130,6 @@ def no_way_above(_context: click.Context, _option: click.Parameter, file: _T) ->
 
 
 def _check_way(folder: str) -> None:
-    from srprov.definitions import link_out
+    from srprov.definitions import refuse_link_out
 
-    if link := link_out(folder):
-        hint = f"if you mean what it leads to, name that: {os.path.realpath(folder)}"
-        raise UsageError(f"{link} is a link that leads out of its folder", hint=hint, code=Code.STRANGE_FILE)
+    refuse_link_out(folder)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,14 +35,12 @@ def stored_facts(path: Path, inventory: Inventory) -> tuple[Snapshot, object]:
         UsageError: It holds no facts, or is reached by a link that leads out of its folder.
     """
     from srprov.cli.facts_ranges import check_ranges
-    from srprov.definitions import link_out
+    from srprov.definitions import refuse_link_out
     from srprov.facts.host import with_inventory
     from srprov.facts.stored import read_document
     from srprov.untrusted import parse_json
 
-    if link := link_out(str(path)):
-        hint = f"if you mean what it leads to, name that: --facts {os.path.realpath(path)}"
-        raise UsageError(f"{link} is a link that leads out of its folder", hint=hint, code=Code.STRANGE_FILE)
+    refuse_link_out(str(path), "--facts ")
     try:
         document = parse_json(regular_file.read_text(path))
         found = read_document(document)

@@ -182,6 +182,8 @@ def show_report(report: TrialsReport, *, as_json: bool) -> None:
         err(line)
     if report.ended_early:
         err(f"the run ended early: {report.ended_early}; go on with --resume -o {report.folder}")
+    if report.forgetful:
+        err(f"warning: images of this run cannot be bundled: {report.forgetful}")
     if not as_json:
         out(f"{report.folder}/trials.csv")
     err(report.loading)

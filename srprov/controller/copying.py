@@ -17,7 +17,7 @@ from srprov.container_files import ContainerFiles, InContainer
 from srprov.controller.copied import Copied
 from srprov.controller.copied_in import Owner, tar_of
 from srprov.controller.copied_out import Target, unpack
-from srprov.definitions.paths import link_out
+from srprov.definitions.paths import refuse_link_out
 from srprov.errors import UsageError
 
 
@@ -54,9 +54,8 @@ def place(word: str) -> InService | str:
 
 def _here(path: str) -> str:
     """Refuse a link that leads elsewhere: a stranger's may lead a copy to a key of the user's, or into his folders."""
-    if path != "-" and (link := link_out(path)):
-        hint = f"if you mean what it leads to, name that: {os.path.realpath(path)}"
-        raise UsageError(f"{link} is a link that leads out of its folder", hint=hint, code=Code.STRANGE_FILE)
+    if path != "-":
+        refuse_link_out(path)
     return path
 
 

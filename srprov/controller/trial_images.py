@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 import secrets
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import msgspec
@@ -58,16 +58,11 @@ def remember(folder: Path, plan: TrialPlan, same: Sameness, sessions: Mapping[st
         token = secrets.token_hex(16)
         private.replace_file(folder / _FILE, f"{token}\n")
     had: dict[str, set[str]] = {}
-    for key, robot in _had(plan, same, sessions):
-        had.setdefault(f"{token} {key}", set()).add(robot)
-    return note_ran(had)
-
-
-def _had(plan: TrialPlan, same: Sameness, sessions: Mapping[str, Session]) -> Iterator[tuple[str, str]]:
     for one in containers_of(plan):
         assert isinstance(one.params, ContainerParams)
         if (image := same.get(f"{one.service}: image id")) and one.host in sessions:
-            yield f"{one.params.image} {image}", sessions[one.host].identity
+            had.setdefault(_key(token, one.params.image, image), set()).add(sessions[one.host].identity)
+    return note_ran(had)
 
 
 def _key(token: str, name: str, image: str) -> str:

@@ -28,6 +28,8 @@ class TrialsReport(msgspec.Struct, frozen=True, kw_only=True):
     """Why the run ended before its last trial, or nothing."""
     discarded: frozenset[str] = frozenset()
     """Trials that count no more, and are not run."""
+    forgetful: str = ""
+    """Why this machine does not remember which images the run had, or nothing."""
     base: RunReport | None = None
     """What came of what is there over all trials, when something was to be done."""
 

@@ -121,13 +121,13 @@ def run_trials(
         if not earlier.events:
             make_folder(folder)
         with LockedRobots(fleet, sessions, mine, waiting) as connections, opened(folder) as place:
-            remember(place, plan, same, sessions)
+            forgetful = remember(place, plan, same, sessions)
             trials = _all(
                 plan, fleet.inventory, made, same, place, earlier, request, connections, options, say, stop, pause,
             )  # fmt: skip
     return TrialsReport(
         folder=folder, rows=trials.rows, design=made, ended_early=trials.ended_early, base=base,
-        discarded=trials.discarded,
+        discarded=trials.discarded, forgetful=forgetful,
     )  # fmt: skip
 
 

@@ -99,11 +99,11 @@ def select(inventory: Inventory, pattern: str, failed: Callable[[], Collection[s
     return patterns.select(inventory, pattern, **({"failed": failed} if failed else {}))
 
 
-def link_out(path: str) -> str:
-    """Return the first link named in a relative path that leads out of the folder in which it lies, or nothing."""
+def refuse_link_out(path: str, named: str = "") -> None:
+    """Refuse a relative path by which a link leads out of its folder; see `paths.refuse_link_out`."""
     from srprov.definitions import paths
 
-    return paths.link_out(path)
+    paths.refuse_link_out(path, named)
 
 
 def offered(path: str, what: str) -> tuple[str, ...]:

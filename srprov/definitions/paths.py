@@ -17,7 +17,7 @@ from msgspec.structs import replace
 
 from srprov import regular_file
 from srprov.codes import Code
-from srprov.errors import DefinitionError, Diagnostic, Location
+from srprov.errors import DefinitionError, Diagnostic, Location, UsageError
 from srprov.yamldoc.allowance import Allowance, current
 from srprov.yamldoc.nodes import Findings, Path, Scalar
 
@@ -50,6 +50,22 @@ def link_out(path: str) -> str:
     the root is taken as it is.
     """
     return next((one for one in regular_file.links_in(path) if not inside(one, os.path.dirname(one))), "")
+
+
+def refuse_link_out(path: str, named: str = "", about: str = "") -> None:
+    """Refuse a relative path by which a link leads out of its folder: a project that was cloned may have brought it.
+
+    Args:
+        path: The path.
+        named: What stands before it where it is named, such as `--facts `, for the hint.
+        about: What the message begins with.
+
+    Raises:
+        UsageError: Names the link, and the whole path, which is taken as it is.
+    """
+    if link := link_out(path):
+        hint = f"if you mean what it leads to, name that: {named}{os.path.realpath(path)}"
+        raise UsageError(f"{about}{link} is a link that leads out of its folder", hint=hint, code=Code.STRANGE_FILE)
 
 
 def way_out(path: str) -> str:

@@ -11,7 +11,6 @@ a group by position, `robots[0]` and `robots[1:3]`, `@failed`, or `@FILE`, a fil
 from __future__ import annotations
 
 import fnmatch
-import os
 import re
 from collections.abc import Callable, Collection, Sequence
 from typing import Any
@@ -20,7 +19,7 @@ from srprov import linear_regex, regular_file
 from srprov.codes import Code
 from srprov.definitions import ranges
 from srprov.definitions.model import Inventory
-from srprov.definitions.paths import link_out
+from srprov.definitions.paths import refuse_link_out
 from srprov.errors import UsageError, did_you_mean
 
 _SUBSCRIPT = re.compile(r"(?P<name>.+)\[(?:(?P<one>-?[0-9]+)|(?P<first>[0-9]*)[:-](?P<last>[0-9]*))\]", re.ASCII)
@@ -115,9 +114,7 @@ def _of_file(inventory: Inventory, name: str) -> set[str]:
 
     One that matches nothing is shown, so a project's link to a file of the user's is not followed.
     """
-    if link := link_out(name):
-        hint = f"if you mean what it leads to, name that: @{os.path.realpath(name)}"
-        raise UsageError(f"'@{name}': {link} is a link that leads out of its folder", hint=hint, code=Code.STRANGE_FILE)
+    refuse_link_out(name, "@", f"'@{name}': ")
     try:
         lines = [line.strip() for line in regular_file.read_text(name).split("\n")]
     except OSError as error:
