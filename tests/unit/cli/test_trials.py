@@ -10,6 +10,7 @@ from jsonschema import Draft202012Validator
 
 from srprov import data
 from srprov.cli.main import run
+from srprov.cli.trial_session import show_report
 from srprov.controller.trial_report import TrialsReport
 from srprov.definitions.trialsmodel import Parameter, TrialDefinitions
 from srprov.errors import RefusedError
@@ -107,3 +108,12 @@ def test_a_summary_counts_trials_and_names_those_that_were_tried_again(tmp_path:
     document = json.loads(json.dumps(report.document))
     assert list(Draft202012Validator(data.schema("trials-run")).iter_errors(document)) == []
     assert len(document["rows"]) == 4
+
+
+def test_a_run_whose_images_are_not_remembered_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`bundle --with-images` would say only that no run of this machine had them."""
+    made = design(TrialDefinitions(parameters=(Parameter(name="SPEED", values=("1",)),)))
+    for why in ("", "ran.json: no space left"):
+        report = TrialsReport(folder=tmp_path, rows=(), design=made, ended_early="", forgetful=why)
+        show_report(report, as_json=False)
+        assert ("images of this run cannot be bundled: ran.json: no space left" in capsys.readouterr().err) is bool(why)
