@@ -7,19 +7,26 @@ robot's own network. Only the image says that it has some, so each is looked at 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from typing import Any
 
 from msgspec.structs import replace
 
 from srprov import plain_tar
-from srprov.definitions.dockerfile import is_open, stages
+from srprov.definitions.dockerfile import instructions, is_open, stages
 from srprov.image_reference import pull_parameters
 from srprov.session import Progress, Session
-from srprov.untrusted import mapping
+from srprov.untrusted import mapping, string
 from srprov.wire import EngineCall, EngineQuery, Reply
 
 _VARIABLE = re.compile(r"\$\{[a-z_][a-z0-9_]*(?::[-+][^${}\"'\\]*)?\}|\$[a-z_][a-z0-9_]*")
+_PLATFORM = re.compile(r"(?<!\S)--platform=(\S*)")
+_ALIKE = {"x86_64": "amd64", "x86-64": "amd64", "aarch64": "arm64"}
+_USUAL = {"amd64": "v1", "arm64": "v8", "arm": "v7"}
+"""Variant of an architecture that goes without saying."""
 _MOST_BYTES = 8 << 20
 """Of a Dockerfile inside a build's context."""
+_TRUST = "if you trust it: --allow built-image --allow engine-fetch"
 
 
 def refuse_triggers(build: EngineCall, session: Session, progress: Progress) -> Reply | None:
@@ -28,6 +35,9 @@ def refuse_triggers(build: EngineCall, session: Session, progress: Progress) -> 
     An image that is not there is pulled first, as the build itself would do, which would then run it at once. What has
     a variable or quotes in its name is left to the builder: it was asked for as `built-image` and `engine-fetch`.
 
+    A base by one name may have another image for each platform, with instructions of its own. Of an engine with
+    containerd's store a build gets the one that its `--platform` says, and only that of the robot can be looked at.
+
     Raises:
         TransportError: The robot cannot be talked to any more.
     """
@@ -35,7 +45,7 @@ def refuse_triggers(build: EngineCall, session: Session, progress: Progress) -> 
         bases = _bases(build.blob)
     except ValueError as error:
         return Reply(status=0, ok=False, err=f"the build's context is not such as srprov writes: {error}")
-    for name in bases:
+    for name, platforms in bases.items():
         query = EngineQuery(path=f"/images/{name}/json")
         (reply,) = session.ask([query])
         if not reply.ok:
@@ -48,8 +58,27 @@ def refuse_triggers(build: EngineCall, session: Session, progress: Progress) -> 
             return Reply(status=reply.status, ok=False, err=f"the base {name} cannot be looked at: {reply.err}")
         if triggers := mapping(answer.get("Config")).get("OnBuild"):
             why = f"the base {name} has ONBUILD instructions, which would run unasked: {str(triggers)[:200]}"
-            return Reply(status=0, ok=False, err=f"{why}; if you trust it: --allow built-image --allow engine-fetch")
+            return Reply(status=0, ok=False, err=f"{why}; {_TRUST}")
+        has = _platform(answer)
+        if other := next((one for one in sorted(platforms) if _normal(one) != has), None):
+            seen = "/".join(filter(None, has)) or "nothing that it names"
+            why = f"FROM --platform={other[:60]}: {name} could be looked at for {seen} alone"
+            return Reply(status=0, ok=False, err=f"{why}, and another one may have ONBUILD instructions; {_TRUST}")
     return None
+
+
+def _platform(image: Mapping[str, Any]) -> tuple[str, str, str]:
+    """Return system, architecture and variant of an image as its engine tells them."""
+    system, architecture, variant = (string(image.get(key)) for key in ("Os", "Architecture", "Variant"))
+    return _normal(f"{system}/{architecture}/{variant}")
+
+
+def _normal(platform: str) -> tuple[str, str, str]:
+    """Return a platform as builders compare them; one with a variable is no image's."""
+    first, _, rest = platform.lower().partition("/")
+    system, architecture, variant = ("linux", first, "") if not rest else (first, *rest.partition("/")[::2])
+    architecture = _ALIKE.get(architecture, architecture)
+    return system, architecture, "" if variant == _USUAL.get(architecture) else variant
 
 
 def kept_apart(command: EngineCall) -> EngineCall:
@@ -77,19 +106,20 @@ def _may_be_scratch(image: str) -> bool:
     return any(map(is_open, fixed)) or re.fullmatch(".*".join(map(re.escape, fixed)), "scratch") is not None
 
 
-def _bases(context: bytes) -> list[str]:
-    """Return the images that a context's Dockerfile starts from, in their order.
+def _bases(context: bytes) -> dict[str, set[str]]:
+    """Return the images that a context's Dockerfile starts from, in their order, each with the platforms it names.
 
     Raises:
         ValueError: It is no context that srprov writes, or its Dockerfile is too large.
     """
     text = _dockerfile(context)
-    known, found = {"scratch"}, []
-    for _, image, name in stages(text):
+    options = {line: _PLATFORM.findall(rest) for line, word, rest in instructions(text) if word == "FROM"}
+    known, found = {"scratch"}, dict[str, set[str]]()
+    for line, image, name in stages(text):
         if image.lower() not in known and not is_open(image):
-            found.append(image)
+            found.setdefault(image, set()).update(options[line])
         known.add(name)
-    return list(dict.fromkeys(found))
+    return found
 
 
 def _dockerfile(context: bytes) -> str:

@@ -18,6 +18,8 @@ from srprov.wire import AnyQuery, EngineCall, Reply
 class Robot:
     """An engine with images, and a registry to pull more from."""
 
+    architecture, variant = "amd64", ""
+
     def __init__(self, here: dict[str, Any], registry: dict[str, Any]) -> None:
         self.here, self.registry, self.pulled = here, registry, list[str]()
 
@@ -26,7 +28,8 @@ class Robot:
         name = getattr(query, "path", "").removeprefix("/images/").removesuffix("/json")
         if name not in self.here:
             return [Reply(status=404, ok=False, err="No such image")]
-        return [Reply(status=200, out=json.dumps({"Id": "x", "Config": {"OnBuild": self.here[name]}}))]
+        about = {"Os": "linux", "Architecture": self.architecture, "Variant": self.variant}
+        return [Reply(status=200, out=json.dumps({"Id": "x", "Config": {"OnBuild": self.here[name]}, **about}))]
 
     def execute(self, command: EngineCall, progress: Progress) -> Reply:
         params = dict(command.params)
@@ -77,6 +80,37 @@ def test_a_base_that_cannot_be_looked_at_is_not_built_on() -> None:
     robot = Robot({}, {})
     refused = refusal(robot, "FROM lab:5000/gone\n")
     assert refused is not None and not refused.ok and robot.pulled == ["lab:5000/gone latest"]
+
+
+@pytest.mark.parametrize(
+    ("platform", "has", "begins"),
+    [
+        ("linux/amd64", ("amd64", ""), True),
+        ("x86_64", ("amd64", ""), True),
+        ("linux/arm64", ("arm64", "v8"), True),
+        ("linux/arm64/v8", ("arm64", ""), True),
+        ("linux/arm/v7", ("arm", "v7"), True),
+        ("linux/arm64", ("amd64", ""), False),
+        ("linux/386", ("amd64", ""), False),
+        ("linux/amd64/v2", ("amd64", ""), False),
+        ("linux/amd64", ("amd64", "v2"), False),
+        ("linux/arm/v6", ("arm", "v7"), False),
+        ("linux", ("amd64", ""), False),
+        ("$P", ("amd64", ""), False),
+        ("linux/amd64", ("", ""), False),
+    ],
+)
+def test_a_base_is_built_on_for_the_platform_alone_that_was_looked_at(
+    platform: str, has: tuple[str, str], begins: bool
+) -> None:
+    """An engine with containerd's store takes the image of the platform that FROM names, and pulls it for that."""
+    robot = Robot({"good": None, "other": None}, {})
+    robot.architecture, robot.variant = has
+    refused = refusal(robot, f"FROM --platform={platform} good AS a\nFROM --platform=$NONE a\nFROM other\n")
+    assert (refused is None) is begins
+    assert refused is None or f"FROM --platform={platform}: good could be looked at for" in refused.err
+    refused = refusal(robot, f"FROM good\nFROM \\\n --platform={platform} good\n")
+    assert (refused is None) is begins
 
 
 WHOLE = context_tar("FROM good\n", [])
