@@ -106,9 +106,9 @@ def apply(
         phases.begin("apply")
         how = RunOptions(
             forks=forks, wait_timeout_s=wait_timeout, stop_timeout_s=stop_timeout, settle_s=settle,
-            lock_wait_s=lock_wait, pulse=pulse, max_fail=failing, triggers=may_trigger(request.allowed),
+            lock_wait_s=lock_wait, pulse=pulse, max_fail=failing, probing=None if no_probe else _probing(planned),
+            triggers=may_trigger(request.allowed, inventory, request.policies),
             tolerate=frozenset(planned.plan.unreachable if unreachable != "fail" else ()),
-            probing=None if no_probe else _probing(planned),
         )  # fmt: skip
         return carry_out(planned, fleet, how, phases, as_json=as_json, events=events, color=not no_color, runs=runs)
 

@@ -110,7 +110,7 @@ def _allowed(planned: Planned, request: PlanRequest, inventory: Inventory, run_o
     from srprov.controller.permissions import may_trigger, permit_run
 
     permit_run(planned.plan, request.allowed, inventory, request.policies)
-    return replace(run_options, triggers=may_trigger(request.allowed))
+    return replace(run_options, triggers=may_trigger(request.allowed, inventory, request.policies))
 
 
 def _planned(definitions: Definitions, fleet: Fleet, request: PlanRequest, phases: Phases) -> Planned:

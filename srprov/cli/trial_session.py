@@ -116,7 +116,8 @@ def run_session(
         confirm(plan.base.plan, manner.yes, manner.stop_timeout, " and run the trials")
         run_options = RunOptions(
             forks=manner.forks, wait_timeout_s=manner.wait_timeout, stop_timeout_s=manner.stop_timeout,
-            lock_wait_s=manner.lock_wait, pulse=manner.pulse, triggers=may_trigger(request.allowed), verb="run",
+            lock_wait_s=manner.lock_wait, pulse=manner.pulse, verb="run",
+            triggers=may_trigger(request.allowed, inventory, request.policies),
         )  # fmt: skip
         return _run(plan, fleet, wanted, run_options, manner)
 

@@ -14,16 +14,16 @@ from msgspec.structs import replace
 
 from srprov.codes import Code
 from srprov.controller.request import BUNDLED
-from srprov.definitions.containermodel import Runtime
-from srprov.definitions.dockerfile import images_of, unclear
+from srprov.definitions.containermodel import ContainerDefinition, Runtime
+from srprov.definitions.dockerfile import fetches, images_of, unclear
 from srprov.definitions.labpolicy import LabPolicy, load
-from srprov.definitions.model import Definitions, Inventory
+from srprov.definitions.model import Definitions, Inventory, Service
 from srprov.errors import RefusedError
 from srprov.image_reference import parse_reference
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.image import ImageParams
 from srprov.planning.plan import Plan, Step
-from srprov.planning.policy import KINDS, Permission
+from srprov.planning.policy import KINDS, Permission, of_image
 
 Policies = tuple[LabPolicy, ...]
 NAME = "policy.yml"
@@ -108,13 +108,32 @@ def enforce(plan: Plan, inventory: Inventory, policies: Sequence[LabPolicy]) -> 
     for policy in policies:
         for permission in plan.permissions if policy.kinds is not None else ():
             for robot in _robots(plan, permission, inventory):
-                host = inventory.hosts.get(robot)
-                if permission.kind not in (policy.kinds_of(host.groups if host else ()) or ()):
+                if not allows(policy, permission.kind, robot, inventory):
                     what = f"{permission.kind} on {robot} ({permission.service}: {permission.what})"
                     raise _refusal(policy, policy.kinds_line, what)
         for step in plan.steps:
-            for line, what in (*_too_much(step, policy), *_from_elsewhere(step, policy)):
+            forbidden = _built_there(step, policy, inventory)
+            for line, what in (*forbidden, *_too_much(step, policy), *_from_elsewhere(step, policy)):
                 raise _refusal(policy, line, what)
+
+
+def allows(policy: LabPolicy, kind: str, robot: str, inventory: Inventory) -> bool:
+    """Return whether a policy lets a robot be asked for a kind."""
+    host = inventory.hosts.get(robot)
+    kinds = policy.kinds_of(host.groups if host else ())
+    return kinds is None or kind in kinds
+
+
+def _built_there(step: Step, policy: LabPolicy, inventory: Inventory) -> Iterator[tuple[int, str]]:
+    """Yield what a build asks of its robot, which need be none that runs the image: the engine there does it."""
+    params = step.want.params if step.want else None
+    if policy.kinds is None or not isinstance(params, ImageParams) or params.source != "build":
+        return
+    text = _dockerfile(params.blob or b"")
+    cdf = ContainerDefinition(name=step.name, file="", folder="", images=images_of(text), fetches=fetches(text))
+    for asked in of_image(Service(name=step.name, cdf=step.name), {step.name: cdf}):
+        if not allows(policy, asked.kind, step.host, inventory):
+            yield policy.kinds_line, f"{asked.kind} on {step.host}, which builds {step.name} ({asked.what})"
 
 
 def _robots(plan: Plan, permission: Permission, inventory: Inventory) -> list[str]:

@@ -73,9 +73,26 @@ def permit_run(
     require_decided(plan.data)
 
 
-def may_trigger(allowed: Collection[str]) -> bool:
-    """Return whether a build may run what its base brings: ONBUILD instructions, of which a plan cannot know."""
-    return "all" in allowed or {"built-image", "engine-fetch"} <= set(allowed)
+def may_trigger(allowed: Collection[str], inventory: Inventory, policies: Sequence[LabPolicy] = ()) -> frozenset[str]:
+    """Return where a build may run what its base brings: ONBUILD instructions, of which a plan cannot know.
+
+    Args:
+        allowed: What the user allows.
+        inventory: The robots.
+        policies: Each of them must allow it on the robot that builds.
+    """
+    wanted = {"built-image", "engine-fetch"}
+    if "all" not in allowed and not wanted <= set(allowed):
+        return frozenset()
+    if not policies:
+        return frozenset(inventory.hosts)
+    from srprov.controller.labpolicy import allows
+
+    return frozenset(
+        robot
+        for robot in inventory.hosts
+        if all(allows(policy, kind, robot, inventory) for policy in policies for kind in wanted)
+    )
 
 
 def require_decided(moves: Iterable[DataMove]) -> None:

@@ -77,7 +77,7 @@ class _Run:
     ) -> None:
         self.sessions, self.listener, self.options, self.stop = sessions, listener, options, stop
         self.robots = {
-            host: RobotExecutor(session, listener, options.stop_timeout_s, options.triggers)
+            host: RobotExecutor(session, listener, options.stop_timeout_s, host in options.triggers)
             for host, session in sessions.items()
         }
         self.ending = Ending(stop, options.patience_s, listener)

@@ -26,8 +26,8 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     """For a container to become healthy or to complete."""
     stop_timeout_s: float = STOP_TIMEOUT_S
     """For a container to stop by itself, whatever its own grace is; then it is killed."""
-    triggers: bool = False
-    """ONBUILD instructions of the images that a build starts from may run."""
+    triggers: frozenset[str] = frozenset()
+    """Robots on which ONBUILD instructions of the images that a build starts from may run."""
     patience_s: float = 10.0
     """After an interrupt, for running steps to end; then their connections are closed."""
     settle_s: float = 2.0

@@ -77,7 +77,7 @@ def permissions(
     """List what the experiment and its CDFs ask for, sorted by kind and service; playbooks last, in their order."""
     written = _written(experiment)
     found = [one for service in experiment.services.values() for one in _of_service(service, written)]
-    found += [one for service in experiment.services.values() for one in _of_image(service, containers)]
+    found += [one for service in experiment.services.values() for one in of_image(service, containers)]
     found += [one for service in experiment.services.values() for one in _of_repositories(service, containers)]
     for name, url, ref in experiment.remote:
         what = f"{_fetched(url, ref)}, a CDF in it says what the container is"
@@ -155,7 +155,8 @@ def _of_service(service: Service, written: _Places) -> Iterator[Permission]:
         yield Permission(kind=kind, service=service.name, what=what)
 
 
-def _of_image(service: Service, containers: Mapping[str, ContainerDefinition]) -> Iterator[Permission]:
+def of_image(service: Service, containers: Mapping[str, ContainerDefinition]) -> Iterator[Permission]:
+    """Yield what a service's image, or the build of it, asks of an engine; `containers` has CDFs by their keys."""
     cdf = containers.get(service.cdf)
     for name in (service.image,) if service.image else cdf.images if cdf else ():
         if why := not_from_a_registry(name):
