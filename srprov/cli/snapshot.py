@@ -57,4 +57,5 @@ def _show(document: Mapping[str, Any]) -> None:
     for note in document["notes"]:
         out(visible(f"{note['robot']}: {titles[note['kind']]}: {note['subject']}: {note['words']}"))
     for one in document["secrets"]:
-        out(visible(f"set {one['env']} before a plan: the secret {one['secret']} of {one['service']}"))
+        whose = f"the secret {one['secret']} of {one['service']} on {one['robot']}"
+        out(visible(f"set {one['env']} before a plan: {whose}"))

@@ -29,6 +29,7 @@ from srprov.snapshot import report
 from srprov.snapshot.containers import service_of, without
 from srprov.snapshot.folder import Robot, definition_of
 from srprov.snapshot.hider import Hider
+from srprov.snapshot.secret_names import SecretNames
 from srprov.snapshot.settings import service_name
 from srprov.untrusted import mapping, string
 
@@ -108,7 +109,7 @@ def _robots(seen: Sequence[Seen]) -> list[Robot]:
     for one in seen:
         shorts[one.name] = _fresh(service_name(one.name), shorts.values())
     taken = {f"{short}-host" for short in shorts.values()}
-    robots = []
+    given, robots = SecretNames(), []
     for one in seen:
         robot = Robot(
             name=one.name, short=shorts[one.name], host=one.host, repositories=one.repositories, notes=one.notes
@@ -123,7 +124,7 @@ def _robots(seen: Sequence[Seen]) -> list[Robot]:
             taken.add(name)
             try:
                 with answers_of(one.name):
-                    services.append(service_of(name, box, image, one.runtime, one.notes))
+                    services.append(service_of(name, box, image, one.runtime, one.notes, given))
             except TransportError as error:
                 one.notes.lost(f"container {name}", error.message)
         robots.append(replace(robot, services=tuple(services)))

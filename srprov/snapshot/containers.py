@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,6 +18,7 @@ from srprov.image_reference import parse_reference
 from srprov.snapshot.hider import Hider
 from srprov.snapshot.mounts import mount_fields
 from srprov.snapshot.notes import Notes
+from srprov.snapshot.secret_names import SecretNames
 from srprov.snapshot.settings import MOST_ENTRIES, health_field, host_fields
 from srprov.snapshot.suspicion import masked, masked_words, secret_variable
 from srprov.untrusted import integer, mapping, string, string_map, strings, text
@@ -45,11 +46,16 @@ class Service:
     """Values that must be written nowhere."""
 
 
-def service_of(name: str, box: Mapping[str, Any], image: Mapping[str, Any], runtime: str, notes: Notes) -> Service:
-    """Return a container as the service `name`; `runtime` is what its engine runs containers with by default."""
+def service_of(
+    name: str, box: Mapping[str, Any], image: Mapping[str, Any], runtime: str, notes: Notes, given: SecretNames
+) -> Service:
+    """Return a container as the service `name`; `runtime` is what its engine runs containers with by default.
+
+    `given` has the names of all secrets before its own.
+    """
     subject = f"container {name}"
     config, own, host = mapping(box.get("Config")), mapping(image.get("Config")), mapping(box.get("HostConfig"))
-    variables, secrets, hidden = _environment(name, config, own, notes)
+    variables, secrets, hidden = _environment(name, config, own, notes, given)
     fields: dict[str, Any] = {**_image(config, image, subject, notes)}
     network = _network(box, host, subject, notes)
     fields |= network | _process(config, own, subject, notes)
@@ -75,7 +81,7 @@ def service_of(name: str, box: Mapping[str, Any], image: Mapping[str, Any], runt
 
 
 def _environment(
-    name: str, config: Mapping[str, Any], own: Mapping[str, Any], notes: Notes
+    name: str, config: Mapping[str, Any], own: Mapping[str, Any], notes: Notes, given: SecretNames
 ) -> tuple[dict[str, str], dict[str, str], list[str]]:
     """Return the variables that are not the image's: plain ones, those that became secrets, and values to hide."""
     of_image = set(strings(own.get("Env")))
@@ -92,8 +98,7 @@ def _environment(
             if secret_variable(key, value) and len(value) <= LONGEST_VALUE:
                 hidden.append(value)
         elif reason := secret_variable(key, value):
-            secret = _fresh(re.sub(r"[^A-Za-z0-9_.-]", "-", f"{name}-{key.lower()}")[:60].rstrip(".-"), secrets)
-            secrets[secret] = _variable(name, key, secrets.values())
+            secret, secrets[secret] = given.give(name, key)
             hidden.append(value)
             words = f"the variable {text(key, length=60)} looks like a secret ({reason})"
             notes.secret(
@@ -102,20 +107,6 @@ def _environment(
         else:
             plain[key] = value
     return plain, secrets, [value for value in hidden if value]
-
-
-def _variable(service: str, key: str, taken: Iterable[str]) -> str:
-    """Return the name of the user's variable: two lines between the parts, so that no two services have the same."""
-    plain = re.sub(r"[^A-Z0-9_]", "_", f"{service}__{key}".upper())
-    return _fresh(plain if plain[0].isalpha() else f"S{plain}", taken, "_")
-
-
-def _fresh(name: str, taken: Iterable[str], link: str = "-") -> str:
-    used, number = set(taken), 2
-    found = name or "secret"
-    while found in used:
-        found, number = f"{name[:58]}{link}{number}", number + 1
-    return found
 
 
 def _image(config: Mapping[str, Any], image: Mapping[str, Any], subject: str, notes: Notes) -> dict[str, Any]:

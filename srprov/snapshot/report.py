@@ -23,7 +23,7 @@ def document(
 ) -> dict[str, Any]:
     """Return the whole report as JSON values, robots in name order."""
     secrets = [
-        {"secret": secret, "service": one.name, "env": variable}
+        {"secret": secret, "service": one.name, "robot": robot.name, "env": variable}
         for robot in robots for one in robot.services for secret, variable in sorted(one.secrets.items())
     ]  # fmt: skip
     return {
@@ -99,7 +99,11 @@ def _lines(report: Mapping[str, Any]) -> Iterator[str]:
                 yield from (f"- {_plain(note['subject'])}: {_plain(note['words'])}" for note in some)
     if report["secrets"]:
         yield from ("", "## Variables to set before `plan`", "")
-        yield from (f"- `{one['env']}`: the secret {one['secret']} of {one['service']}" for one in report["secrets"])
+        # names of services may look alike, so the robot stands there, too
+        yield from (
+            f"- `{one['env']}`: the secret {one['secret']} of {one['service']} on {_plain(one['robot'])}"
+            for one in report["secrets"]
+        )
     for robot, why in report["unreachable"].items():
         yield from ("", f"{_plain(robot)} could not be reached: {_plain(why)}")
 

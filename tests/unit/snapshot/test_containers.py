@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from srprov.snapshot.containers import Service, service_of, without
 from srprov.snapshot.hider import Hider
 from srprov.snapshot.notes import Notes
+from srprov.snapshot.secret_names import SecretNames
 
 ID = "a" * 64
 DEFAULTS: dict[str, Any] = {
@@ -43,7 +44,7 @@ def taken(
     own = {**IMAGE["Config"], "Hostname": ID[:12], "Image": "ros:humble", "Domainname": "", "AttachStdin": False}
     box = {"Id": ID, "Config": {**own, **(config or {})}, "HostConfig": {**DEFAULTS, **(host or {})}, **more}
     notes = Notes()
-    return service_of("it", box, IMAGE if image is None else image, "runc", notes), [
+    return service_of("it", box, IMAGE if image is None else image, "runc", notes, SecretNames()), [
         f"{note.kind}: {note.words}" for note in notes.all()
     ]
 
@@ -222,5 +223,5 @@ def test_an_engine_that_lies_gives_a_service_all_the_same(
 ) -> None:
     """Whatever is said, there is a service with an image, and no error."""
     box = {"Id": ID, "Config": config, "HostConfig": host, **config}
-    service = service_of("it", box, image if isinstance(image, dict) else {}, "runc", Notes())
+    service = service_of("it", box, image if isinstance(image, dict) else {}, "runc", Notes(), SecretNames())
     assert service.fields["image"]
