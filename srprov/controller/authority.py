@@ -21,6 +21,7 @@ from srprov.definitions.dockerfile import fetches, images_of, unclear
 from srprov.definitions.model import Experiment, NetworkSettings, Service
 from srprov.definitions.secretmodel import SecretSource
 from srprov.errors import RefusedError, UsageError
+from srprov.facts.model import HostFacts
 from srprov.modules import MODULES, PROBING
 from srprov.modules.dataset import DataParams
 from srprov.modules.file import FileParams
@@ -36,6 +37,7 @@ from srprov.planning.plan import Plan
 from srprov.planning.planfile import PlanFile
 from srprov.planning.planread import named
 from srprov.planning.policy import Permission, fetch, permissions
+from srprov.record.memory import built_for
 from srprov.resource import Resource
 from srprov.untrusted import mapping
 
@@ -162,18 +164,24 @@ def _names(saved: PlanFile) -> Names:
     )
 
 
-def check_copies(saved: PlanFile, known: Mapping[str, Collection[str]]) -> None:
+def check_copies(saved: PlanFile, known: Mapping[str, Collection[str]], facts: Mapping[str, HostFacts]) -> None:
     """Refuse copies of images that no run of this machine had built, in a plan that was not written here.
 
     Args:
         saved: The plan.
-        known: Tag -> ids of images that this machine had built under it.
+        known: What `built_for` says of a tag -> ids of images that this machine had built under it.
+        facts: The robots as they are, which say what they run; the plan could say anything.
 
     Raises:
         RefusedError: Names them.
     """
     images = [step.want for step in saved.plan.steps if step.want and isinstance(step.want.params, ImageParams)]
-    strange = {one.name for one in images if one.params.id and one.params.id not in known.get(one.name, ())}
+    archs = {one.host: facts[one.host].arch if one.host in facts else "" for one in images}
+    strange = {
+        one.name
+        for one in images
+        if one.params.id and one.params.id not in known.get(built_for(one.name, archs[one.host]), ())
+    }
     if strange:
         raise RefusedError(
             f"only this plan, which was not written here, says that {', '.join(sorted(strange))} on a robot is the "

@@ -24,7 +24,7 @@ from srprov.execution.lock_set import LockOptions, LockSet
 from srprov.execution.locks import claim
 from srprov.execution.packages import KINDS, NoListing, packages_in, remove_left
 from srprov.image_reference import parse_reference
-from srprov.record.memory import known_images
+from srprov.record.memory import built_for, known_images
 from srprov.untrusted import mapping, string
 from srprov.wire import EngineQuery
 
@@ -70,7 +70,7 @@ def with_records(lock: Lock, made: Draft, look: Gathering, sessions: Mapping[str
     if not bases:
         return lock, []
     records = {(one.image, one.platform): one for one in made.kept.packages if one.image in bases}
-    engines = [robot for robot, facts in look.first().facts.items() if facts.docker]
+    engines = {robot: facts.arch for robot, facts in look.first().facts.items() if facts.docker}
     wanted = _wanted(bases, records, look.ask_each, engines)
     told = [
         f"{tag}: {_NOT_LISTED}no robot has an image of it that was built from here; `srprov build`, then lock again"
@@ -89,9 +89,12 @@ def with_records(lock: Lock, made: Draft, look: Gathering, sessions: Mapping[str
 
 
 def _wanted(
-    bases: Mapping[str, str], known: Collection[tuple[str, str]], ask_each: AskEach, robots: Collection[str]
+    bases: Mapping[str, str], known: Collection[tuple[str, str]], ask_each: AskEach, robots: Mapping[str, str]
 ) -> list[_Read]:
-    """Return where each image is read: for each platform on the first robot that has it as it was built from here."""
+    """Return where each image is read: for each platform on the first robot that has it as it was built from here.
+
+    `robots` says of what architecture each is.
+    """
     tags, ours = sorted(bases), known_images()
     questions = [EngineQuery(path=f"/images/{tag}/json") for tag in tags]
     replies = ask_each(dict.fromkeys(robots, questions)) if tags else {}
@@ -100,7 +103,7 @@ def _wanted(
         for tag, reply in zip(tags, answers, strict=True):
             said = mapping(reply.json()) if reply.ok else {}
             platform, image = _platform(said), string(said.get("Id"))
-            if platform and (tag, platform) not in known and image in ours.get(tag, ()):
+            if platform and (tag, platform) not in known and image in ours.get(built_for(tag, robots[robot]), ()):
                 wanted.setdefault((tag, platform), _Read(robot, tag, platform, image, bases[tag]))
     return list(wanted.values())
 

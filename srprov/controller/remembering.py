@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from srprov.controller.robot_files import record_path
-from srprov.record.memory import Memory, digest, note_images, recall, remember
+from srprov.record.memory import Memory, built_for, digest, note_images, recall, remember
 from srprov.untrusted import mapping, parse_json
 
 if TYPE_CHECKING:
@@ -48,7 +48,8 @@ def note_built(result: RunResult) -> str:
     for one in result.results:
         want = one.step.want
         if want is not None and want.module == "image" and want.params.source == "build" and one.after:
-            built.setdefault(want.name, set()).add(str(one.after["id"]))
+            tag = built_for(want.name, next(iter(want.params.runs), ""))
+            built.setdefault(tag, set()).add(str(one.after["id"]))
     return note_images(built)
 
 

@@ -38,7 +38,8 @@ class RenderInputs(msgspec.Struct, frozen=True, kw_only=True):
     copied: Mapping[tuple[str, str], Mapping[str, Any]] = msgspec.field(default_factory=dict)
     """(robot, image) -> `way` and `missing` of a copy, where that is known."""
     known_images: Mapping[str, Collection[str]] = msgspec.field(default_factory=dict)
-    """Content tag -> ids of images that this machine had built; a robot's own word for a tag is not enough."""
+    """What `built_for` says of a content tag -> ids of images that this machine had built; a robot's own word for a tag
+    is not enough."""
     images_only: bool = False
     """Nothing but images is wanted on robots."""
     images_for: Collection[str] = ()

@@ -11,6 +11,7 @@ from srprov.definitions.model import Service
 from srprov.errors import UsageError
 from srprov.facts.model import HostFacts
 from srprov.image_reference import Reference, parse_reference
+from srprov.record.memory import built_for
 from srprov.resource import resource_id
 
 BUILDERS = "builders"
@@ -39,7 +40,8 @@ def robot_images(inputs: RenderInputs, blobs: dict[str, bytes]) -> dict[str, lis
     """Return robot -> its images; one to build comes from a robot that has it, else from the builder.
 
     That is one of the same architecture: a host of the group `builders`, or else the first robot.
-    A robot has it for others when its image is one that this machine had built: the tag alone is the robot's own word.
+    A robot has it for others when its image is one that this machine had built for that architecture, or when it is a
+    builder: of any other one the tag alone is its own word.
     """
     wanted: dict[str, dict[str, dict[str, Any]]] = {}
     present = {(h, e.name) for h, items in inputs.snapshot.observed.items() for e in items if e.module == "image"}
@@ -77,13 +79,18 @@ def robot_images(inputs: RenderInputs, blobs: dict[str, bytes]) -> dict[str, lis
 
 
 def _known(inputs: RenderInputs) -> dict[tuple[str, str], str]:
-    """Return (robot, image) -> its id, where the robot's image is one that this machine had built under that tag."""
-    return {
-        (host, seen.name): str(seen.state["id"])
-        for host, items in inputs.snapshot.observed.items()
-        for seen in items
-        if seen.module == "image" and seen.state["id"] in inputs.known_images.get(seen.name, ())
-    }
+    """Return (robot, image) -> its id, where others may have the image from the robot.
+
+    What a builder has counts whoever had it built: else a robot that is none would build it for the others.
+    """
+    known, found = inputs.known_images, dict[tuple[str, str], str]()
+    for host, facts in inputs.snapshot.facts.items():
+        for seen in inputs.snapshot.observed.get(host, ()):
+            if seen.module == "image" and (
+                host in inputs.builders or seen.state["id"] in known.get(built_for(seen.name, facts.arch), ())
+            ):
+                found[host, seen.name] = str(seen.state["id"])
+    return found
 
 
 def _copied(inputs: RenderInputs, image: str, source: str, host: str, id_: str = "") -> dict[str, Any]:

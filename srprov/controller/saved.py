@@ -128,7 +128,7 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
         check_saved(saved.plan, wants, snapshot, owners)
         check_source(snapshot, saved.plan.instance, saved.plan.source, adopt=adopt)
         if not owners:
-            check_copies(saved, known_images())
+            check_copies(saved, known_images(), snapshot.facts)
             refuse_files(wants)
             check_underlay(saved, {facts.underlay_address for facts in snapshot.facts.values()})
             if not adopt and not signed:

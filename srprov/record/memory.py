@@ -62,13 +62,22 @@ def remember(instance: str, memory: Memory) -> str:
     return ""
 
 
+def built_for(tag: str, arch: str) -> str:
+    """Return under what the ids of images are remembered that were built of a content tag for an architecture.
+
+    Each architecture has builders of its own, and a robot may say that it is of any: what it builds for itself as the
+    only one of it is no image of the others.
+    """
+    return f"{tag} {arch}"
+
+
 def known_images() -> dict[str, frozenset[str]]:
-    """Return content tag -> the ids of images that a run of this machine had built under it."""
+    """Return what `built_for` says -> the ids of images that a run of this machine had built so."""
     return _sets(_images())
 
 
 def note_images(built: Mapping[str, Collection[str]]) -> str:
-    """Remember ids of images that were built; return why that is not possible, or nothing."""
+    """Remember ids of images that were built, by what `built_for` says; return why that is not possible, or nothing."""
     return _add(_images(), built)
 
 

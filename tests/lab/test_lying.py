@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.lab.conftest import Lab, busybox, edf, part_of_lab
+from tests.lab.conftest import Done, Lab, busybox, edf, part_of_lab
 
 pytestmark = pytest.mark.lab
 
@@ -19,6 +19,34 @@ printf '#!/bin/sh\\n[ "$1" != save ] || exec %s save %s busybox:latest\\nexec %s
     > /usr/local/sbin/docker && chmod +x /usr/local/sbin/docker
 """
 """A robot whose archives carry one more tag than the image has that is asked for."""
+PROXY = """\
+import os, socket, threading
+real, here = "/var/run/docker-real.sock", "/var/run/docker.sock"
+os.rename(here, real)
+server = socket.socket(socket.AF_UNIX)
+server.bind(here)
+server.listen(64)
+def pump(source, target, lie):
+    while data := source.recv(65536):
+        target.sendall(data.replace(b'"Architecture":"amd64"', b'"Architecture":"arm64"') if lie else data)
+    target.shutdown(socket.SHUT_WR)
+while True:
+    client, engine = server.accept()[0], socket.socket(socket.AF_UNIX)
+    engine.connect(real)
+    for ends in ((client, engine, False), (engine, client, True)):
+        threading.Thread(target=pump, args=ends, daemon=True).start()
+"""
+"""Between a robot's engine and whoever asks it: its images are for another architecture than they are."""
+OTHER_KIND = """\
+printf 'FROM busybox\\nRUN echo robot1 >/not-yours\\n' | docker build -q -t busybox:latest - &&
+echo aarch64 >/tmp/arch && mount --bind /tmp/arch /proc/sys/kernel/arch
+setsid python3 -c "$0" >/dev/null 2>&1 & echo $! >/tmp/proxy
+while [ ! -S /var/run/docker-real.sock ] || ! docker version >/dev/null 2>&1; do sleep 0.1; done
+"""
+SAME_KIND = """\
+kill "$(cat /tmp/proxy)"; mv /var/run/docker-real.sock /var/run/docker.sock; umount /proc/sys/kernel/arch
+rm /tmp/arch /tmp/proxy
+"""
 HONEST = "rm /usr/local/sbin/docker; docker tag mine/busybox:1 busybox:latest; docker rmi mine/busybox:1"
 RECORD = "/var/lib/srprov/lies/placement.json"
 
@@ -121,4 +149,37 @@ def test_an_image_is_copied_only_from_where_it_was_built_and_without_what_lies_b
     lab.shell("robot1", "docker", "tag", "busybox", tag)
     ((robot, cause),) = how()
     assert robot == "robot2" and cause.startswith("not on the robot; built here"), cause
+    assert lab.srprov("destroy", str(path), "-i", inventory, "--yes", env=home).code == 0
+
+
+def test_a_robot_that_was_of_another_architecture_builds_for_no_builder(lab_of_module: Lab, tmp_path: Path) -> None:
+    """It said so while it built an image for itself, on a base of its own making; the inventory has another builder."""
+    lab, path, home = lab_of_module, tmp_path / "kinds.edf", {"XDG_STATE_HOME": str(tmp_path / "state")}
+    (tmp_path / "x.cdf").write_text("cdf: 1\nname: kinds\nbase: busybox\ncommand: [sleep, '86400']\n", encoding="utf-8")
+    inventory = part_of_lab(lab, ["robot1", "robot2"], tmp_path / "lab.yml")
+    builders = tmp_path / "builders.yml"
+    builders.write_text("builders: {hosts: {robot2: {}}}\n", encoding="utf-8")
+
+    def on(robot: str, *words: str) -> Done:
+        path.write_text(
+            edf("kinds", {"one": {"cdf": "x.cdf", "robot": robot, "stop_signal": "SIGKILL"}}), encoding="utf-8"
+        )
+        where = ["-i", inventory, "-i", str(builders)]
+        return lab.srprov("apply", str(path), *where, "--yes", "--settle", "0", "--no-probe", *words, env=home)
+
+    real = lab.shell(
+        "robot1", "sh", "-c", "docker pull -q busybox >/dev/null && docker images -q busybox:latest"
+    ).out.strip()
+    lab.shell("robot1", "sh", "-c", OTHER_KIND, PROXY)
+    try:
+        applied = on("robot1")
+    finally:
+        lab.shell("robot1", "sh", "-c", SAME_KIND)
+    try:
+        assert applied.code == 0 and lab.shell("robot1", "docker", "exec", "srprov.kinds.one", "ls", "/not-yours").out
+        moved = on("robot2", "--reassign")
+        assert moved.code == 0 and "copied from" not in moved.out, moved
+        assert lab.shell("robot2", "docker", "exec", "srprov.kinds.one", "ls", "/not-yours", check=False).code != 0
+    finally:
+        lab.shell("robot1", "docker", "tag", real, "busybox:latest")
     assert lab.srprov("destroy", str(path), "-i", inventory, "--yes", env=home).code == 0

@@ -33,7 +33,7 @@ from srprov.planning.plan import Plan
 from srprov.planning.planfile import PlanFile, dump
 from srprov.planning.steps import due_step
 from srprov.planning.text import plan_text
-from srprov.record.memory import note_images
+from srprov.record.memory import built_for, note_images
 from srprov.secret import forget
 from srprov.wire import EngineCall
 from tests.fakes import World
@@ -242,7 +242,7 @@ def test_a_plan_file_copies_only_images_that_were_built_under_their_tag(
             stage.apply(copying(saved, name, source, **of))
     text = copying(saved, built, "robot3", id="sha256:1")
     for ids in ([], ["sha256:2"]):
-        note_images({built: ids})
+        note_images({built_for(built, "amd64"): ids})
         with pytest.raises(RefusedError, match="only this plan, which was not written here, says that srprov/new"):
             stage.apply(text)
 

@@ -16,10 +16,11 @@ from srprov.definitions.containermodel import Runtime
 from srprov.definitions.model import Experiment, Service
 from srprov.facts.model import Docker, HostFacts, Snapshot
 from srprov.images.plan import ImagePlan
-from srprov.record.memory import known_images, note_images
+from srprov.record.memory import built_for, known_images, note_images
 from srprov.resource import Observed
 
 TAG = "srprov/x:0123456789abcdef"
+BUILT = built_for(TAG, "amd64")
 
 
 def sources(
@@ -62,11 +63,13 @@ def sources(
 
 
 def test_an_image_that_this_machine_had_built_is_copied_by_its_id() -> None:
-    assert sources({TAG: {"sha256:1", "sha256:2"}}, c="sha256:1") == {"b": ("copy", "c sha256:1")}
+    assert sources({BUILT: {"sha256:1", "sha256:2"}}, c="sha256:1") == {"b": ("copy", "c sha256:1")}
 
 
 def test_an_image_of_a_bundle_comes_from_this_machine_wherever_its_name_leads() -> None:
-    found = sources({TAG: {"sha256:1"}}, b="sha256:1", c="sha256:1", bundled={"one": BundledImage("sha256:5", "amd64")})
+    found = sources(
+        {BUILT: {"sha256:1"}}, b="sha256:1", c="sha256:1", bundled={"one": BundledImage("sha256:5", "amd64")}
+    )
     assert found == {"b": ("cache", "sha256:5")}
 
 
@@ -94,7 +97,7 @@ def test_a_service_has_the_image_of_a_bundle_that_its_robot_runs() -> None:
     assert bundles.to_build(containers, changed, whole) == {}
 
 
-@pytest.mark.parametrize("known", [{}, {TAG: {"sha256:1"}}])
+@pytest.mark.parametrize("known", [{}, {BUILT: {"sha256:1"}}])
 def test_a_robot_that_lists_the_tag_of_another_image_is_no_source(known: dict[str, set[str]]) -> None:
     """It is built anew, by a robot that does not say that it has it already."""
     assert sources(known, a="sha256:evil") == {"b": ("build", "")}
@@ -107,20 +110,32 @@ def test_without_anybody_who_has_it_the_first_robot_builds() -> None:
 def test_images_are_built_by_builders_of_the_robots_architecture() -> None:
     assert sources({}, builders=("arm", "c")) == {"c": ("build", ""), "b": ("copy", "c")}
     assert sources({}, builders=("arm",)) == {"a": ("build", ""), "b": ("copy", "a")}
-    assert sources({TAG: {"sha256:1"}}, builders=("c",), a="sha256:1") == {"b": ("copy", "a sha256:1")}
+    assert sources({BUILT: {"sha256:1"}}, builders=("c",), a="sha256:1") == {"b": ("copy", "a sha256:1")}
+
+
+def test_what_was_built_for_another_architecture_is_no_source() -> None:
+    """A robot may say for a while that it is of one that has no builder, and builds for itself then."""
+    lied = {built_for(TAG, "arm64"): {"sha256:evil"}}
+    assert sources(lied, a="sha256:evil") == {"b": ("build", "")}
+    assert sources(lied, builders=("c",), a="sha256:evil") == {"c": ("build", ""), "b": ("copy", "c")}
+
+
+def test_what_a_builder_has_counts_whoever_had_it_built() -> None:
+    """Somebody else had it built there; no other robot builds it in its place."""
+    assert sources({}, builders=("c",), c="sha256:1") == {"b": ("copy", "c sha256:1")}
 
 
 def test_ids_of_what_a_run_had_built_are_remembered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
 
     def result(source: str, after: object) -> Any:
-        want = SimpleNamespace(module="image", name=TAG, params=SimpleNamespace(source=source))
+        want = SimpleNamespace(module="image", name=TAG, params=SimpleNamespace(source=source, runs=("amd64", "386")))
         return SimpleNamespace(step=SimpleNamespace(want=want), after=after)
 
     ran: Any = SimpleNamespace(
         results=[result("build", {"id": "sha256:1"}), result("copy", {"id": "sha256:2"}), result("build", None)]
     )
-    assert note_built(ran) == "" and known_images() == {TAG: {"sha256:1"}}
-    assert note_images({TAG: ["sha256:3"]}) == "" and known_images() == {TAG: {"sha256:1", "sha256:3"}}
+    assert note_built(ran) == "" and known_images() == {BUILT: {"sha256:1"}}
+    assert note_images({BUILT: ["sha256:3"]}) == "" and known_images() == {BUILT: {"sha256:1", "sha256:3"}}
     (tmp_path / "srprov" / "images.json").write_text("[", encoding="utf-8")
     assert known_images() == {}

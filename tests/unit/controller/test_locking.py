@@ -22,6 +22,7 @@ from srprov.errors import DefinitionError, RefusedError, UsageError
 from srprov.execution.packages import NoListing
 from srprov.facts.model import Snapshot
 from srprov.images.args import with_digests
+from srprov.record.memory import built_for
 from srprov.resource import Observed
 from srprov.session import Pulse
 from srprov.wire import AnyQuery, EngineQuery, Reply
@@ -274,7 +275,7 @@ class _Fleet:
     def __init__(self, images: Mapping[str, Mapping[str, str]]) -> None:
         self.images = images
         self.robots = World().add(*images)
-        self.facts = dict.fromkeys(images, SimpleNamespace(docker=True))
+        self.facts = dict.fromkeys(images, SimpleNamespace(docker=True, arch="amd64"))
         self.read: list[str] = []
         for name, robot in self.robots.robots.items():
             robot.ask = functools.partial(self._ask, name)  # type: ignore[method-assign]
@@ -306,7 +307,7 @@ def test_what_a_build_added_to_its_base_is_recorded_once(here: Path, monkeypatch
     lock = Lock(digests={BUSYBOX: OLD, DEBIAN: OLD})
     (tag,) = (one.tag for one in plan_images(pinned(load_experiment("e.edf", {}), lock).containers)[0].values())
     base = f"debian@{OLD}"
-    known = {tag: frozenset({"built", "broken"})}
+    known = {built_for(tag, "amd64"): frozenset({"built", "broken"})}
     monkeypatch.setattr(package_records, "known_images", lambda: known)
 
     def recorded(images: Mapping[str, Mapping[str, str]], old: Lock = lock, *update: str) -> Any:
@@ -343,7 +344,7 @@ def test_a_robot_that_is_held_is_not_read(here: Path, monkeypatch: pytest.Monkey
     (here / "e.edf").write_text("edf: 1\nname: demo\nservices: {c: {cdf: Dockerfile}}\n")
     lock = Lock(digests={BUSYBOX: OLD, DEBIAN: OLD})
     (tag,) = (one.tag for one in plan_images(pinned(load_experiment("e.edf", {}), lock).containers)[0].values())
-    monkeypatch.setattr(package_records, "known_images", lambda: {tag: frozenset({"built"})})
+    monkeypatch.setattr(package_records, "known_images", lambda: {built_for(tag, "amd64"): frozenset({"built"})})
     fleet = _Fleet({"r1": {tag: "built"}})
     monkeypatch.setattr(package_records, "packages_in", fleet.packages_in)
     held = fleet.robots.robots["r1"].open_lock_channel("", ['{"owner": "anna@lab"}'], Pulse())
