@@ -31,7 +31,7 @@ from srprov.facts.model import Snapshot
 from srprov.modules import PROBING
 from srprov.modules.network import NetworkParams
 from srprov.modules.secret import SecretParams
-from srprov.network.identity import identify
+from srprov.network.identity import check_names, identify
 from srprov.network.record import read_record
 from srprov.planning.diff import diff
 from srprov.planning.fingerprint import fingerprints, relied_on
@@ -141,7 +141,11 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
 
 
 def _check_networks(wants: tuple[Resource, ...], instance: str, snapshot: Snapshot) -> None:
-    """Hold the overlay of a plan file to what an EDF's is held to: nothing on a robot may have its subnet or VNI."""
+    """Hold the overlay of a plan file to what an EDF's is held to: nothing on a robot may have its subnet or VNI.
+
+    Nor may its names be another instance's, which a tunnel has also where there is no network.
+    """
+    check_names(instance, snapshot)
     record = read_record(looking(snapshot, instance)[0].placements.get(instance))
     overlays = [want.params for want in wants if isinstance(want.params, NetworkParams)]
     members = {want.host for want in wants if isinstance(want.params, NetworkParams)}

@@ -101,7 +101,7 @@ def identify(
         UsageError: A wish that makes no sense or that something else on a robot has, or nothing is left to choose.
     """
     bridge, link = link_names(instance)
-    _check_names(instance, (bridge, link), snapshot)
+    check_names(instance, snapshot)
     on = snapshot.facts.keys() if members is None else snapshot.facts.keys() & {*members}
     claims = Claims(instance, (bridge, link), snapshot, sorted(on))
     ours, vni = _in_use(claims, settings.port, record or PlacementRecord())
@@ -193,13 +193,32 @@ def _most_frequent(counts: Mapping[_T, int], before: _T | None) -> _T | None:
     return min(counts, key=lambda value: (-counts[value], value != before, value), default=None)
 
 
-def _check_names(instance: str, names: tuple[str, str], snapshot: Snapshot) -> None:
-    """Refuse when a link of our name is another instance's: 32 bits of hash, so this is next to impossible."""
+def check_names(instance: str, snapshot: Snapshot) -> None:
+    """Refuse when something on a robot has a name of ours and is another instance's.
+
+    The names have 32 bits of hash, so that does not happen by itself; but who looks for it finds an instance's name
+    with those of another one within minutes, and would be let into that one's overlay.
+
+    Raises:
+        UsageError: Names it.
+    """
+    tunnel = tunnel_name(instance)
+    names = (*link_names(instance), tunnel, f"{tunnel}a", f"{tunnel}b")
     for robot, facts in sorted(snapshot.facts.items()):
         for link in facts.links:
             if link.name in names and link.alias not in ("", _ALIAS + instance):
-                message = f"link {link.name} on {robot} belongs to '{link.alias.removeprefix(_ALIAS)}'"
-                raise UsageError(message, hint="choose another --instance", code=Code.VNI)
+                raise _anothers(f"link {link.name}", robot, link.alias.removeprefix(_ALIAS))
+    for robot, items in sorted(snapshot.observed.items()):
+        for one in items:
+            # a bridge has no alias, and is there without its link when the robot was restarted
+            if one.instance not in ("", instance) and (one.name in names or one.state.get("bridge") in names):
+                raise _anothers(f"{one.module} {one.name}", robot, one.instance)
+
+
+def _anothers(what: str, robot: str, whose: str) -> UsageError:
+    hint = "choose another --instance, or give the experiment another name"
+    why = f"{what} on {robot} belongs to '{whose}', whose links would have the same names"
+    return UsageError(why, hint=hint, code=Code.VNI)
 
 
 def _is_vni(number: int) -> bool:

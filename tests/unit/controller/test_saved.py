@@ -139,6 +139,16 @@ def test_a_plan_from_elsewhere_changes_no_instance_that_was_made_here(world: Wor
         check_plan(saved, fleet(world))
 
 
+def test_a_plan_file_changes_no_overlay_of_an_instance_whose_links_have_the_same_names(world: World) -> None:
+    """32 bits of a hash are found within minutes; a file that makes no network has its names looked at, too."""
+    saved = reread(planned(world, experiment(service("x", robot="r4", network="none"), name="demo-1a3ftp20")))
+    assert not any(want.module in ("network", "vxlan") for want in wants_of(saved))
+    with pytest.raises(UsageError, match="belongs to 'hello', whose links would have the same names"):
+        check_plan(saved, fleet(world))
+    with pytest.raises(UsageError, match="belongs to 'hello'"):
+        check_plan(replace(saved, proof=""), fleet(world), signed=True)
+
+
 def test_a_step_of_a_kind_that_there_is_not_and_a_wait_that_cannot_end_are_refused_when_the_file_is_read(
     world: World,
 ) -> None:

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from srprov.definitions.model import NetworkSettings
 from srprov.errors import UsageError
 from srprov.facts.model import Link
-from srprov.network.identity import identify
+from srprov.network.identity import identify, link_names
 from srprov.network.layout import layout
 from srprov.network.record import PlacementRecord
 from tests.unit.assignment.worlds import experiment, found, robot, service
@@ -86,3 +86,13 @@ def test_a_robot_has_one_voice_however_many_networks_it_tells_of() -> None:
     identity = identify("hello", NO_WISH, two, record)
     assert (identity.vni, str(identity.subnet)) == (200, "10.200.0.0/20"), "of two, the one that was last"
     assert identify("hello", NO_WISH, two, members=["r1"]).vni == 200, "r3 gets nothing of it"
+
+
+def test_a_network_with_the_bridge_of_an_instance_is_anothers_also_without_its_link() -> None:
+    """Names have 32 bits of a hash, so a stranger finds one; a robot that was restarted has the bridge alone."""
+    twin = "demo-1a3ftp20"
+    assert link_names(twin) == link_names("hello")
+    there = found(robot("r0"), observed={"r0": (network("hello", bridge="srpbabf8c589"),)})
+    with pytest.raises(UsageError, match=r"network srprov\.hello on r0 belongs to 'hello'"):
+        identify(twin, NO_WISH, there)
+    assert identify("hello", NO_WISH, there).bridge == "srpbabf8c589"
