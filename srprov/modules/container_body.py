@@ -20,6 +20,10 @@ _SECOND_NS = 1_000_000_000
 _PERIOD_US = 100_000
 LOGS_BY_DEFAULT = "default"
 """Of a container of which nothing is said: the part of its hash about logs."""
+PART_DIGITS = 32
+"""Of the hash of a part. Two values with 8 equal digits are found within a second, and a plan would show neither."""
+_OLD_DIGITS = 8
+"""That containers of older versions have."""
 _NEW_DEFAULTS = {"logging": "logs rotate", "init": "an init process runs first"}
 """Part of the configuration that containers of older versions do not have -> what is new."""
 _ROTATION = {"max-file": "3", "max-size": "10m"}
@@ -99,17 +103,22 @@ def parts_of(want: ContainerParams) -> dict[str, Any]:
 
 def differing(found: Mapping[str, str], want: ContainerParams) -> str:
     """Return in words in which parts a container differs from the wanted one; `found` is name -> short hash."""
-    wanted = {name: digest(value, 8) for name, value in parts_of(want).items()}
-    names = sorted(name for name in {*found, *wanted} if found.get(name) != wanted.get(name))
-    if names == ["volumes"] and found.get("volumes") == digest(_volumes_before(want), 8):
+    wanted = parts_of(want)
+    names = sorted(one for one in {*found, *wanted} if not (one in wanted and is_part(found.get(one), wanted[one])))
+    if names == ["volumes"] and is_part(found.get("volumes"), _volumes_before(want)):
         return "volumes differs (made by an older srprov; new by default: the robot's own names in /etc/hosts)"
     if not names:
         return "configuration differs"
     cause = f"{', '.join(names)} {'differs' if len(names) == 1 else 'differ'}"
-    if not found or "logging" in found or wanted["logging"] != digest(LOGS_BY_DEFAULT, 8):
+    if not found or "logging" in found or wanted["logging"] != LOGS_BY_DEFAULT:
         return cause
     new = [words for name, words in _NEW_DEFAULTS.items() if name in names]
     return f"{cause} (made by an older srprov; new by default: {', '.join(new)})"
+
+
+def is_part(told: object, value: object) -> bool:
+    """Return whether a hash that a container has of a part is that of a value; it may be of an older version."""
+    return isinstance(told, str) and len(told) in (PART_DIGITS, _OLD_DIGITS) and told == digest(value, len(told))
 
 
 def _volumes_before(want: ContainerParams) -> list[Mapping[str, Any]]:

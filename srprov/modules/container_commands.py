@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from srprov.modules.container_body import engine_body, parts_of
+from srprov.modules.container_body import PART_DIGITS, engine_body, parts_of
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.module import CONFIG_HASH, CONFIG_PARTS, INSTANCE, SERVICE, SOURCE, STOP_GRACE, canonical, digest
 from srprov.modules.mount_kind import links_refused
@@ -67,4 +67,4 @@ def remove(name: str) -> EngineCall:
 def hashes(want: ContainerParams) -> tuple[str, dict[str, str]]:
     """Return the hash of the whole configuration, and short ones of its parts."""
     parts = parts_of(want)
-    return digest(parts), {name: digest(value, 8) for name, value in parts.items()}
+    return digest(parts), {name: digest(value, PART_DIGITS) for name, value in parts.items()}

@@ -13,10 +13,9 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from srprov.modules.container_body import engine_body, parts_of
+from srprov.modules.container_body import PART_DIGITS, engine_body, is_part, parts_of
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.differences import bounded, compared
-from srprov.modules.module import digest
 from srprov.resource import Difference, State
 from srprov.untrusted import integer, is_of_one, mapping, mappings, string, string_map, strings
 from srprov.wire import Reply
@@ -76,10 +75,11 @@ def _brought(reply: Reply) -> Parts | None:
 
 
 def _differing_parts(want: ContainerParams, found: State) -> list[str]:
-    """Return the parts whose hash is another one; all, of a container that has none."""
-    wanted = {name: digest(value, 8) for name, value in parts_of(want).items()}
-    there = mapping(found["parts"])
-    return sorted(name for name in {*wanted, *there} if not there or there.get(name) != wanted.get(name))
+    """Return the parts whose hash is another one; all, of a container that has none, or the short ones of before."""
+    wanted, there = parts_of(want), mapping(found["parts"])
+    if not there or any(len(string(one)) < PART_DIGITS for one in there.values()):
+        return sorted({*wanted, *there})
+    return sorted(one for one in {*wanted, *there} if not (one in wanted and is_part(there.get(one), wanted[one])))
 
 
 def _counts(part: str, field: str, value: str, new: Mapping[str, str], base: Mapping[str, str] | None) -> bool:

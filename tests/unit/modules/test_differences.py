@@ -13,11 +13,15 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from srprov.definitions.containermodel import Runtime
+from srprov.modules.container_body import differing, parts_of
+from srprov.modules.container_commands import hashes
 from srprov.modules.container_params import ContainerParams, NetworkPlace
 from srprov.modules.container_values import differing_values, wanted_values
 from srprov.modules.differences import MOST_READ, compared, read_start, text_difference
+from srprov.modules.module import digest
 from srprov.modules.tree import content_difference, content_queries, mounted_tree
 from srprov.resource import Difference
 from srprov.wire import Reply
@@ -79,10 +83,21 @@ def test_what_is_longer_than_any_container_or_image_needs_is_not_read(at: int) -
     assert found == Difference(field="container", note="its old values were not read")
 
 
+def test_values_whose_hashes_begin_alike_are_told() -> None:
+    """Whoever writes both has such a pair within a second: of 8 digits, another command was in no plan."""
+    was, now = (replace(WANT, run=Runtime(command=("echo", one))) for one in ("fine # 193600", "evil # 4206"))
+    parts = [{key: digest(value) for key, value in parts_of(one).items()} for one in (was, now)]
+    assert parts[0]["command"][:8] == parts[1]["command"][:8]
+    about = Reply(status=200, out=json.dumps({"Config": {"Cmd": ["echo", "fine # 193600"]}}))
+    image = Reply(status=200, out=json.dumps({"Config": {}}))
+    for there in (hashes(was)[1], {key: value[:8] for key, value in parts[0].items()}):  # also of an older srprov's
+        found = {one.field: (one.old, one.new) for one in differing_values(now, {"parts": there}, [about, image])}
+        assert found["command"] == ("echo 'fine # 193600'", "echo 'evil # 4206'")
+    assert differing(hashes(was)[1], now) == "command differs"
+
+
 def test_wanted_values_have_no_empty_part() -> None:
     """The parts are those of the hashes, so that one leads to the other."""
-    from srprov.modules.container_body import parts_of
-
     assert set(parts_of(WANT)) <= set(wanted_values(WANT))
 
 
