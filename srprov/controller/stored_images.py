@@ -27,7 +27,8 @@ from srprov.session import Reader
 from srprov.untrusted import integer, mapping, mappings, string, string_map, text
 from srprov.wire import EngineQuery, Reply
 
-CONTENT_TAG = re.compile(r"(srprov/[a-z0-9]+(?:-[a-z0-9]+)*):[0-9a-f]{16}")
+CONTENT_TAG = re.compile(r"(srprov/[a-z0-9]+(?:-[a-z0-9]+)*):[0-9a-f]{16}(?:[0-9a-f]{16})?")
+"""Images that an older srprov built have half as many digits."""
 _LAST_STEP = "LABEL srprov.instance="
 """In the history of an image: the end of what `images/mark.py` writes."""
 _MOST = 500

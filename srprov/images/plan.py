@@ -58,7 +58,7 @@ class ImagePlan:
     """One image to be built: complete, and known without building."""
 
     tag: str
-    """`srprov/<name>:<16 hex digits>`, a hash of all that goes in."""
+    """`srprov/<name>:<32 hex digits>`, a hash of all that goes in."""
     dockerfile: str
     context: bytes = field(repr=False)
     """An uncompressed tar; the Dockerfile in it is named `Dockerfile`."""

@@ -36,7 +36,9 @@ from srprov.images.dockerfile import (
 from srprov.images.mark import marked
 from srprov.images.plan import Checkout, ContextFile, Dockerfile, ImagePlan
 
-_TAG_LENGTH = 16
+_TAG_LENGTH = 32
+"""128 bits: nobody finds two definitions with one tag. With 64, two processors do within half an hour, and the image of
+one then runs as that of the other, wherever it was built before."""
 _FORMAT = 1
 """Counts up when the same definition shall build something else than before."""
 

@@ -17,9 +17,9 @@ from srprov.modules.module import digest
 from srprov.planning.plan import Plan, Step, command_json, plan_json
 
 _COVERED = ("plan", "instance", "source", "assignment", "permissions", "secrets", "playbooks", "data")
-_SHORTEST = 16
-"""Digits of a hash that somebody may give instead of all 64."""
-_GIVEN = re.compile(r"(?:sha256:)?([0-9a-fA-F]{16,64})")
+_SHORTEST = 32
+"""Digits of a hash that somebody may give instead of all 64. Who writes two plans finds some with fewer equal ones."""
+_GIVEN = re.compile(rf"(?:sha256:)?([0-9a-fA-F]{{{_SHORTEST},64}})")
 
 
 def plan_hash(plan: Plan) -> str:
@@ -34,7 +34,7 @@ def shown_json(plan: Plan) -> dict[str, Any]:
 
 
 def expected_hash(text: str) -> str:
-    """Return what somebody gave as a plan's hash: at least 16 of its digits.
+    """Return what somebody gave as a plan's hash: at least 32 of its digits.
 
     Raises:
         UsageError: It is none.

@@ -121,7 +121,7 @@ def test_a_plan_names_exactly_the_values_that_were_edited(site: Site) -> None:
     assert lab.everywhere(["robot1", "robot2"]) == before
     assert site.environment()["RATE"] == "2"
 
-    words = ("--yes", "--settle", "0", "--no-probe", "--expect", planned.json["hash"][:20])
+    words = ("--yes", "--settle", "0", "--no-probe", "--expect", planned.json["hash"][:32])
     site.run("apply", *words, token=TOKENS[1])
     assert site.environment()["RATE"] == "4"
     assert lab.inspect("robot1", "srprov.values.cmd")["Config"]["Cmd"] == ["sleep", "90000"]

@@ -43,6 +43,6 @@ def test_the_plan_that_was_reviewed_is_done_and_no_other(folder: Path) -> None:
     assert srprov("apply", "e.edf", "--yes", "--expect", "latest").returncode == 5
 
     (folder / "e.edf").write_text("edf: 1\nname: hello\nservices:\n  a: {image: busybox}\n")
-    done = srprov("apply", "e.edf", "--yes", "--settle", "0", "--expect", shown[:16])
+    done = srprov("apply", "e.edf", "--yes", "--settle", "0", "--expect", shown[:32])
     assert done.returncode == 0, done
     assert json.loads(Path("running.json").read_text()) == [["a", "r1"]]

@@ -338,7 +338,7 @@ def test_the_hash_is_of_what_is_done() -> None:
     assert plan_hash(first) == plan_hash(second) == plan_hash(replace(first, notes=("n",), cost=9.0))
     assert plan_hash(other) != plan_hash(first)
     check_hash(first, expected_hash(f"sha256:{plan_hash(first)}"))
-    check_hash(first, expected_hash(plan_hash(first)[:16].upper()))
+    check_hash(first, expected_hash(plan_hash(first)[:32].upper()))
     with pytest.raises(StalePlan, match="not the plan that was reviewed"):
         check_hash(other, expected_hash(plan_hash(first)))
     for wrong in ("abc", "x" * 64, plan_hash(first)[:15], "0" * 65):
