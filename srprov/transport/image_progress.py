@@ -42,6 +42,10 @@ class Meter:
             self._next, self._said = self._done + _STEP, now
             self._progress(self.text())
 
+    def grow(self, size: int) -> None:
+        """Expect so many bytes more."""
+        self._total += size
+
     def text(self) -> str:
         """Say how far it is."""
         seconds = max(time.monotonic() - self._began, 0.001)

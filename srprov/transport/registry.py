@@ -36,8 +36,8 @@ _NOTHING = (0, -1)
 """First and last byte of an empty file."""
 _RANGE = re.compile("bytes=([0-9]{0,18})-([0-9]{0,18})")
 
-Sent = Callable[[int], None]
-"""Is told how many bytes went out; 0 when something that is here is asked for."""
+Sent = Callable[[str, int], None]
+"""Is told of which digest how many bytes went out; 0 when something that is here is asked for."""
 
 
 class Stream(Protocol):
@@ -116,7 +116,7 @@ class _Connection(BaseHTTPRequestHandler):
         content = self._contents.get(path)
         if content is not None:
             self._stream.settimeout(_IDLE_S)
-            self._sent(0)
+            self._sent(content.digest, 0)
             self._give(content)
             self._incoming.deadline = Deadline(_IDLE_S)
         elif path in ("/v2", "/v2/"):
@@ -150,13 +150,13 @@ class _Connection(BaseHTTPRequestHandler):
                 self.send_header("Content-Range", f"bytes {first}-{last}/{content.size}")
             self.end_headers()
             if self.command != "HEAD":
-                self._copy(file, last - first + 1)
+                self._copy(file, content.digest, last - first + 1)
 
-    def _copy(self, file: BinaryIO, size: int) -> None:
+    def _copy(self, file: BinaryIO, digest: str, size: int) -> None:
         while size and (piece := file.read(min(size, _PIECE))):
             self.wfile.write(piece)
             size -= len(piece)
-            self._sent(len(piece))
+            self._sent(digest, len(piece))
         if size:
             self.close_connection = True  # the file is shorter than it was: what was announced cannot be given
 

@@ -3,7 +3,8 @@
 Takes an image as it is served and the ways to the robot; gives a reply. The image is compared where it is before it
 gets its name. The loopback name under which it was pulled is taken away again.
 
-Source: Docker Engine API 1.41, "Create an image", "Inspect an image", "Tag an image", "Remove an image".
+Source: Docker Engine API 1.41, "Create an image", "Inspect an image", "Tag an image", "Remove an image",
+"Import images".
 """
 
 from __future__ import annotations
@@ -16,12 +17,14 @@ from msgspec.structs import replace
 from srprov.layers import read_image
 from srprov.session import Progress, no_progress
 from srprov.transport.image_progress import Meter
-from srprov.transport.image_there import Target
+from srprov.transport.image_there import Room, Target
+from srprov.transport.oci_archive import layers_but, loaded
 from srprov.transport.openssh.reverse import ForwardRefused
-from srprov.transport.registry import Sent, answer
+from srprov.transport.registry import answer
 from srprov.transport.registry_image import served
 from srprov.transport.ssh_session import SshSession
 from srprov.transport.thin_archive import ThinArchive
+from srprov.untrusted import mapping, strings
 from srprov.wire import EngineCall, Reply
 
 if TYPE_CHECKING:
@@ -58,61 +61,94 @@ def copy_by_registry(
     blobs = {one.digest: one for one in archive.layers}
     image = served(archive.image, b"".join(archive.config.content()), [blobs[one] for one in archive.image.diff_ids])
     meter = Meter(f"{archive.tag}, through a registry", progress, size)
-    client, forwards = session.engine.client, session.connection.forwards
-    reply = pull_image(image, archive.tag, client, forwards, timeout_s, meter.add)
+    pull = Pull(image, archive.tag, session.engine.client, timeout_s, meter, target.room)
+    reply = pull.run(session.connection.forwards)
     return replace(reply, out=meter.text()) if reply.ok else reply
 
 
-def pull_image(
-    image: ServedImage, tag: str, engine: Engine, forwards: ReverseForwards, timeout_s: float, sent: Sent
-) -> Reply:
-    """Let an engine pull an image, and give it a tag once it is the one that was served.
+class Pull:
+    """One pull of an image by an engine."""
 
-    After a failure the tag is where it was, and nothing is left under another.
+    def __init__(
+        self, image: ServedImage, tag: str, engine: Engine, timeout_s: float, meter: Meter, room: Room
+    ) -> None:
+        """Take what is pulled.
 
-    Args:
-        image: What is served.
-        tag: The name that it gets.
-        engine: Whose engine pulls.
-        forwards: Ports of the same robot whose connections come here.
-        timeout_s: How long the pull may take.
-        sent: Is told the bytes that go out; by one thread at a time.
+        Args:
+            image: What is served.
+            tag: The name that it gets once it is the one that was served.
+            engine: Whose engine pulls.
+            timeout_s: How long the pull may take.
+            meter: Counts the bytes that go out.
+            room: What is free on the robot.
+        """
+        self._image, self._tag, self._engine, self._timeout_s = image, tag, engine, timeout_s
+        self._meter, self._room = meter, room
+        self._asked, self._turn, self._given = threading.Event(), threading.Lock(), set[str]()
 
-    Raises:
-        NoWayBack: sshd forwards no port, or the engine does not reach it; it has asked for nothing.
-        TransportError: The robot is gone.
-    """
-    asked, turn = threading.Event(), threading.Lock()
+    def run(self, forwards: ReverseForwards) -> Reply:
+        """Do it; after a failure the tag is where it was, and nothing is left under another.
 
-    def count(size: int) -> None:
-        asked.set()
-        with turn:
-            sent(size)
+        Args:
+            forwards: Ports of the same robot whose connections come here.
 
-    try:
-        with forwards.open(lambda channel: answer(channel, image, count), _FORWARD_S) as port:
-            reply = _pulled(engine, f"127.0.0.1:{port}/{image.name}", image, tag, timeout_s)
-    except ForwardRefused as refused:
-        raise NoWayBack(str(refused)) from refused
-    if not reply.ok and not asked.is_set():
-        raise NoWayBack(f"its engine does not reach the port that sshd forwards ({reply.err})")
-    return reply
+        Raises:
+            NoWayBack: sshd forwards no port, or the engine does not reach it; it has asked for nothing.
+            TransportError: The robot is gone.
+            OSError: The cache's files are gone.
+        """
+        try:
+            with forwards.open(lambda channel: answer(channel, self._image, self._count), _FORWARD_S) as port:
+                reply = self._pulled(f"127.0.0.1:{port}/{self._image.name}")
+        except ForwardRefused as refused:
+            raise NoWayBack(str(refused)) from refused
+        if not reply.ok and not self._asked.is_set():
+            raise NoWayBack(f"its engine does not reach the port that sshd forwards ({reply.err})")
+        return reply
 
+    def _count(self, digest: str, size: int) -> None:
+        self._asked.set()
+        with self._turn:
+            self._meter.add(size)
+            if size:
+                self._given.add(digest)
 
-def _pulled(engine: Engine, repository: str, image: ServedImage, tag: str, timeout_s: float) -> Reply:
-    """Pull, compare, tag; in any case leave nothing under the name that was pulled."""
-    what = (("fromImage", repository), ("tag", image.digest))
-    pull = EngineCall(method="POST", path="/images/create", params=what, stream=True, timeout_s=timeout_s)
-    name = f"/images/{repository}@{image.digest}"
-    reply = engine.call(pull, no_progress)
-    if reply.ok:
-        reply = _compared(engine.call(EngineCall(method="GET", path=f"{name}/json"), no_progress), image)
-    if reply.ok:
-        path, _, label = tag.rpartition(":")
-        params = (("repo", path), ("tag", label))
-        reply = engine.call(EngineCall(method="POST", path=f"{name}/tag", params=params), no_progress)
-    removed = engine.call(EngineCall(method="DELETE", path=name, accept=(200, 404)), no_progress)
-    return reply if removed.ok or not reply.ok else removed
+    def _pulled(self, repository: str) -> Reply:
+        """Pull, compare, tag; in any case leave nothing under the name that was pulled."""
+        what = (("fromImage", repository), ("tag", self._image.digest))
+        name = f"{repository}@{self._image.digest}"
+        timeout_s = self._timeout_s
+        create = EngineCall(method="POST", path="/images/create", params=what, stream=True, timeout_s=timeout_s)
+        reply = self._engine.call(create, no_progress)
+        try:
+            if reply.ok:
+                reply = self._completed(name)
+            if reply.ok:
+                path, _, label = self._tag.rpartition(":")
+                tag = EngineCall(method="POST", path=f"/images/{name}/tag", params=(("repo", path), ("tag", label)))
+                reply = self._engine.call(tag, no_progress)
+        finally:
+            removal = EngineCall(method="DELETE", path=f"/images/{name}", accept=(200, 404))
+            removed = self._engine.call(removal, no_progress)
+        return reply if removed.ok or not reply.ok else removed
+
+    def _completed(self, name: str) -> Reply:
+        """Return what the engine says of the image if it is the one that was served, else why not.
+
+        What it has left out is loaded: it shows an image without its layers then.
+        """
+        look = EngineCall(method="GET", path=f"/images/{name}/json")
+        reply = self._engine.call(look, no_progress)
+        layers = layers_but(self._image, self._given)
+        if not layers or (reply.ok and strings(mapping(mapping(reply.json()).get("RootFS")).get("Layers"))):
+            return _compared(reply, self._image)
+        size = sum(one.size for one in layers)
+        if lack := self._room.lack(size, 0, spooled=False):
+            return Reply(status=0, ok=False, err=lack)
+        self._meter.grow(size)
+        pieces = self._meter.count(loaded(self._image, name, layers))
+        reply = self._engine.load(pieces, self._timeout_s, no_progress)
+        return _compared(self._engine.call(look, no_progress), self._image) if reply.ok else reply
 
 
 def _compared(inspected: Reply, image: ServedImage) -> Reply:

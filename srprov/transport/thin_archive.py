@@ -6,7 +6,6 @@ function of what is in it, so that one that was cut off can be continued.
 
 from __future__ import annotations
 
-import tarfile
 from collections.abc import Iterator, Sequence
 
 import msgspec
@@ -14,10 +13,10 @@ import msgspec
 from srprov.layers import MANIFEST, Image, config_name, layer_name, manifest, read_config
 from srprov.transport.blobs import Blob
 from srprov.transport.image_archive import ForeignImage
+from srprov.transport.tar_write import END, tar_blob, tar_file
 from srprov.untrusted import json_or_none
 
 _LONGEST_CONFIG = 1 << 20
-_END = b"\0" * 1024
 
 
 class ThinArchive(msgspec.Struct, frozen=True):
@@ -33,7 +32,7 @@ class ThinArchive(msgspec.Struct, frozen=True):
     def size(self) -> int:
         """The archive's bytes."""
         files = [len(manifest(self.image, self.tag)), self.config.content_size, *(one.size for one in self.layers)]
-        return sum(512 + size + -size % 512 for size in files) + len(_END)
+        return sum(512 + size + -size % 512 for size in files) + len(END)
 
     @property
     def unpacked(self) -> int:
@@ -47,13 +46,11 @@ class ThinArchive(msgspec.Struct, frozen=True):
             OSError: The cache's files are gone.
         """
         config = b"".join(self.config.content())
-        yield from _file(MANIFEST, manifest(self.image, self.tag))
-        yield from _file(config_name(self.image), config)
+        yield from tar_file(MANIFEST, manifest(self.image, self.tag))
+        yield from tar_file(config_name(self.image), config)
         for blob in self.layers:
-            yield _header(layer_name(blob.digest), blob.size)
-            yield from blob.pieces()
-            yield b"\0" * (-blob.size % 512)
-        yield _END
+            yield from tar_blob(layer_name(blob.digest), blob)
+        yield END
 
 
 def check_config(image: Image, config: Blob) -> None:
@@ -62,14 +59,3 @@ def check_config(image: Image, config: Blob) -> None:
         raise ForeignImage("its configuration is longer than any sensible one")
     if read_config(image.id, json_or_none(b"".join(config.content()).decode("utf-8", "replace"))) != image:
         raise ForeignImage("its configuration names other layers than the engine says")
-
-
-def _header(name: str, size: int) -> bytes:
-    header = tarfile.TarInfo(name)
-    header.size = size
-    return header.tobuf(tarfile.GNU_FORMAT)  # one block, whatever the size
-
-
-def _file(name: str, content: bytes) -> Iterator[bytes]:
-    yield _header(name, len(content))
-    yield content + b"\0" * (-len(content) % 512)

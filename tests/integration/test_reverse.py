@@ -172,7 +172,11 @@ def test_hundreds_of_connections_at_once_leave_the_session_alive(robot: Callable
 def test_a_scan_finds_a_registry_and_404(robot: Callable[..., SshSession], tmp_path: Path) -> None:
     image = an_image(tmp_path / "blobs")
     counted: list[int] = []
-    with robot().connection.forwards.open(lambda channel: answer(channel, image, counted.append), 5) as port:
+
+    def count(_digest: str, size: int) -> None:
+        counted.append(size)
+
+    with robot().connection.forwards.open(lambda channel: answer(channel, image, count), 5) as port:
         for path in ("/", "/v2/_catalog", f"/v2/image/blobs/{image.layers[0].compressed}"):
             asked = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
             asked.request("GET", path)

@@ -16,9 +16,12 @@ from jsonschema import Draft202012Validator
 from srprov import data
 from srprov.definitions import load_inventory
 from srprov.lab import state
+from srprov.session import no_progress
 from srprov.sizes import size_text
 from srprov.transport import connect
-from srprov.transport.registry_copy import pull_image
+from srprov.transport.image_progress import Meter
+from srprov.transport.image_there import Room
+from srprov.transport.registry_copy import Pull
 from srprov.transport.ssh_session import SshSession
 from tests.lab.conftest import Lab, part_of_lab
 from tests.unit.transport.test_registry import an_image, tar_of
@@ -239,7 +242,7 @@ def test_a_served_layer_with_one_wrong_byte_is_refused_by_the_engine(job: Job, t
     try:
         before = names(lab, "robot4")
         client, forwards = session.engine.client, session.connection.forwards
-        reply = pull_image(image, "srprov/wrong:1", client, forwards, 60.0, lambda _size: None)
+        reply = Pull(image, "srprov/wrong:1", client, 60.0, Meter("it", no_progress), Room()).run(forwards)
         assert not reply.ok and image.layers[1].compressed in reply.err, reply
         assert names(lab, "robot4") == before and "old" in lab.containers("robot4", running=True)
     finally:

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import socket
-from collections.abc import Callable, Iterator
+import tarfile
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from srprov.session import Progress
+from srprov.session import Progress, no_progress
+from srprov.transport.image_progress import Meter
+from srprov.transport.image_there import Room
 from srprov.transport.openssh.reverse import ForwardRefused
-from srprov.transport.registry_copy import NoWayBack, pull_image
+from srprov.transport.registry_copy import NoWayBack, Pull
 from srprov.transport.registry_image import ServedImage
 from srprov.wire import EngineCall, Reply
 
@@ -51,6 +55,12 @@ class Engine:
     reaches: bool = True
     says: dict[str, Any] = field(default_factory=dict)
     """In the place of what it should say of the image."""
+    unpacked: Collection[str] = ()
+    """Compressed layers of which it has the content: it asks for none of these, and shows no image without them."""
+    takes: bool = True
+    """It has what it is given to load."""
+    room: Room = field(default_factory=Room)
+    loaded: list[tarfile.TarInfo] = field(default_factory=list)
     tags: bool = True
     removes: int = 200
     calls: list[str] = field(default_factory=list)
@@ -64,20 +74,36 @@ class Engine:
             ok = self.pulls and self.reaches
             return Reply(status=200, ok=ok, err="" if ok else "filesystem layer verification failed")
         if call.method == "GET":
+            if self.unpacked:
+                return Reply(status=200, out=json.dumps({"Id": self.image.digest, "RootFS": {}}))
             said = {"Id": self.image.image.id, "RootFS": {"Layers": list(self.image.image.diff_ids)}, **self.says}
             return Reply(status=200, out=json.dumps(said))
         if call.method == "POST":
             return Reply(status=201) if self.tags else Reply(status=500, ok=False, err="cannot tag")
         return Reply(status=self.removes, ok=self.removes in call.accept, err="conflict")
 
+    def load(self, pieces: Iterator[bytes], _timeout_s: float, _progress: Progress) -> Reply:
+        self.calls.append("load")
+        with tarfile.open(fileobj=io.BytesIO(b"".join(pieces))) as archive:
+            self.loaded = archive.getmembers()
+        if self.takes:
+            self.unpacked = ()
+        return Reply(status=200)
+
     def _ask(self) -> None:
+        for one in self.image.layers:
+            if one.compressed not in self.unpacked:
+                self._get(f"blobs/{one.compressed}")
+        self._get(f"manifests/{self.image.digest}")
+
+    def _get(self, path: str) -> None:
         here, there = socket.socketpair()
         with here, there:
-            here.sendall(f"GET /v2/{self.image.name}/manifests/{self.image.digest} HTTP/1.1\r\n\r\n".encode())
+            here.sendall(f"GET /v2/{self.image.name}/{path} HTTP/1.1\r\nRange: bytes=0-9\r\n\r\n".encode())
             here.shutdown(socket.SHUT_WR)
             assert self.forwards.answer is not None
             self.forwards.answer(there)
-            assert here.recv(1 << 16).startswith(b"HTTP/1.1 200 ")
+            assert here.recv(1 << 16).startswith(b"HTTP/1.1 206 ")
 
 
 @pytest.fixture
@@ -91,8 +117,8 @@ def engine(image: ServedImage) -> Engine:
 
 
 def pull(engine: Engine) -> Reply:
-    sent: list[int] = []
-    return pull_image(engine.image, TAG, engine, engine.forwards, 30.0, sent.append)  # type: ignore[arg-type]
+    meter = Meter("it", no_progress)
+    return Pull(engine.image, TAG, engine, 30.0, meter, engine.room).run(engine.forwards)  # type: ignore[arg-type]
 
 
 def words(engine: Engine) -> list[str]:
@@ -133,6 +159,29 @@ def test_another_image_than_was_served_gets_no_name(engine: Engine, says: dict[s
     engine.says = says
     reply = pull(engine)
     assert not reply.ok and "not the image that was served" in reply.err
+    assert words(engine) == [PULL, LOOK, FORGET]
+
+
+def test_a_layer_that_the_engine_did_not_ask_for_is_loaded(engine: Engine, image: ServedImage) -> None:
+    """It has the content from another registry, compressed otherwise; without this it shows an image of no layers."""
+    base, top = image.layers
+    engine.unpacked = {base.compressed}
+    assert pull(engine).ok
+    assert words(engine) == [PULL, LOOK, "load", LOOK, NAME, FORGET]
+    blobs = [image.digest, image.image.id, base.compressed]
+    names = ["oci-layout", "index.json", *(f"blobs/{one.replace(':', '/')}" for one in blobs)]
+    assert [one.name for one in engine.loaded] == names and top.compressed not in str(names)
+
+
+def test_what_is_not_there_after_that_either_gets_no_name(engine: Engine, image: ServedImage) -> None:
+    engine.unpacked, engine.takes = {image.layers[0].compressed}, False
+    assert "not the image that was served" in pull(engine).err
+    assert words(engine) == [PULL, LOOK, "load", LOOK, FORGET]
+
+
+def test_what_is_loaded_must_find_room(engine: Engine, image: ServedImage) -> None:
+    engine.unpacked, engine.room = {image.layers[0].compressed}, Room(engine=1)
+    assert "its Docker's disk is too small" in pull(engine).err
     assert words(engine) == [PULL, LOOK, FORGET]
 
 
