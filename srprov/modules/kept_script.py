@@ -10,7 +10,7 @@ told_by_files() {
   done
   while case $j in *unix://*) ;; *) false ;; esac; do j=${j#*unix://}; printf '%s\n' "${j%%'"'*}"; done
   for c in /etc/containerd/config.toml /etc/containers/storage.conf; do
-    [ ! -e $c ] || sed -nE 's/^[ \t]*(root|state|address|graphroot|runroot) *= *"([^"]*)".*/\2/p' $c
+    [ ! -e $c ] || sed -nE "s/^[ \t]*(root|root_path|state|address|graphroot|runroot) *= *[\"']([^\"']*).*/\2/p" $c
   done
 }
 # the processes of engines
@@ -49,6 +49,21 @@ told_by_sockets() {
       case $flags/$path in 00010000//*) ;; *) continue ;; esac
       case $open in *"socket:[$inode]"*) printf '%s\n' "$path" ;; esac
     done <"$p/net/unix"
+  done
+}
+# the same by the databases that they have open, whatever file says where: one of containerd's lies two folders below
+# its root, or in a snapshotter's; those of dockerd lie in folders of its own
+told_by_databases() {
+  engines | while IFS= read -r p; do
+    ls -l "$p/fd" | while IFS= read -r w; do
+      case $w in *' -> /'*.db) w=/${w#*' -> /'} w=${w%/*} ;; *) continue ;; esac
+      case $w in
+        */io.containerd.*) w=${w%%/io.containerd.*} ;;
+        */network/files) w=${w%/network/files} ;;
+        */volumes | */buildkit) w=${w%/*} ;;
+      esac
+      printf '%s\n' "$w"
+    done
   done
 }
 # a line for each folder that an overlay shows: its file system, and the folder; those of containers are an engine's

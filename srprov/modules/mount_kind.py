@@ -188,7 +188,8 @@ _END_OF_KEPT_
   unset IFS; set +f
 }}
 {_PLACES}{TOLD}kept=$(
-  {{ printf '%s\n' {_KEPT}; told_by_files; told_by_words; told_by_sockets; }} 2>/dev/null | while IFS= read -r e; do
+  {{ printf '%s\n' {_KEPT}; told_by_files; told_by_words; told_by_sockets; told_by_databases; }} 2>/dev/null |
+  while IFS= read -r e; do
     [ ! -e "$e" ] || readlink -f "$e"
   done
 )
