@@ -26,6 +26,15 @@ def _leave(folder: str) -> str:
     return f"rmdir {folder} {folder.rpartition('/')[0]} 2>/dev/null"
 
 
+def own_folder(folder: str = FOLDER) -> str:
+    """Return what names a folder of the shell's own `$spool`, and removes it when the shell ends."""
+    return f"""umask 077
+spool={folder}/save.$$
+trap 'cd /; rm -rf "$spool"; {_leave(folder)}' EXIT
+trap 'exit 1' HUP INT TERM PIPE
+{_tidy(folder)}"""
+
+
 def save_script(image_id: str, folder: str = FOLDER) -> str:
     """Return what unpacks an image, says where and what it is, and waits for its end.
 
@@ -33,11 +42,7 @@ def save_script(image_id: str, folder: str = FOLDER) -> str:
     """
     name = quote(image_id)
     return f"""{{
-umask 077
-spool={folder}/save.$$
-trap 'cd /; rm -rf "$spool"; {_leave(folder)}' EXIT
-trap 'exit 1' HUP INT TERM PIPE
-{_tidy(folder)}
+{own_folder(folder)}
 command -v gzip >/dev/null && command -v tar >/dev/null || {{ echo "no gzip or tar"; echo; exit 1; }}
 mkdir -p "$spool" && cd "$spool" || {{ echo "no folder $spool"; echo; exit 1; }}
 size=$(docker image inspect --format '{{{{.Size}}}}' {name} 2>/dev/null)

@@ -108,3 +108,8 @@ def test_the_checker_sees_each_way_to_read() -> None:
     fine = ["regular_file.read(path)", "tarfile.open(fileobj=buffer)", "loader.read_text(path)"]
     assert [reads("definitions/x.py", way) for way in fine] == [[], [], []]
     assert reads("transport/x.py", "self._link.open(3)") == []
+
+
+def test_no_script_has_root_make_a_file_where_others_on_a_robot_write() -> None:
+    """A container may mount the robot's /tmp, and put a link in the place of what mktemp made there."""
+    assert [path for path, source in sources().items() if "$(mktemp" in source] == []

@@ -151,7 +151,7 @@ ROOMS: Mapping[str, Room] = {
     "plain_tar": room(),
     "sizes": room(),
     "spool": room("wire"),
-    "engine_files": room("wire"),
+    "engine_files": room("spool wire"),
     "hashing": room(),
     "wire": room("errors hashing untrusted resource"),
     "session": room("errors wire container_files"),

@@ -9,6 +9,7 @@ import io
 import json
 import os
 import re
+import shutil
 import tarfile
 import time
 from collections import deque
@@ -148,6 +149,18 @@ def test_layers_with_awkward_names_come_without_the_engine_saving_the_image(
     assert engine.saved == 0 and len(engine.robot.shells) == 3
     suffixes = sorted("".join(one.suffixes) for one in Path(tmp_path, "cache").iterdir())
     assert suffixes == [".gz", ".gz", ".raw.gz" if fast else ".gz"]
+
+
+def test_no_link_in_a_folder_where_others_write_has_the_names_of_an_image_written_elsewhere(
+    engine: Engine, tmp_path: Path
+) -> None:
+    """A container that mounts the robot's /tmp puts one in the place of what root makes there."""
+    victim, swapping = tmp_path / "sshrc", Path(engine.robot.folder, "bin/cat")
+    swap = f'for one in "$TMPDIR"/*; do [ ! -f "$one" ] || ln -sf {victim} "$one"; done'
+    swapping.write_text(f'#!/bin/sh\n{swap}\nexec {shutil.which("cat")} "$@"\n')
+    swapping.chmod(0o755)
+    engine.read(tmp_path)
+    assert not victim.exists() and engine.saved == 0
 
 
 def changed(engine: Engine) -> None:
