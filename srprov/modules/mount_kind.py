@@ -31,6 +31,8 @@ _ENGINES = (
 
 _OF_ROOT = ("/run/dbus", "/run/systemd")
 """Folders with sockets of what does as root tells it, also root in a container."""
+_MOUNTED_IN = "/tmp"  # noqa: S108 - the robot's own
+"""Each time that it makes a container: `containerd-mountNUMBER`, whatever TMPDIR it is given."""
 SHARED_MEMORY = "/dev/shm"  # noqa: S108 - the robot's own
 """What a container has of the robot with `ipc: host`, to write to as any mounted folder."""
 
@@ -53,6 +55,8 @@ def mount_kind(source: str) -> tuple[str, str]:
         return GRAVE, "what an engine or srprov keeps"
     if any(f"{path}/".startswith(f"{one}/") for one in _OF_ROOT):
         return "host-path", "who is root there tells systemd what to run, as root"
+    if path == _MOUNTED_IN:
+        return "host-path", "an engine with containerd's store mounts images there, as root, where links lead"
     return "host-path", ""
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from srprov.modules.mount_kind import links_refused
+from srprov.modules.mount_kind import links_refused, mount_kind
 
 SHELLS = (("sh", "-c"), ("busybox", "sh", "-c"))
 
@@ -63,3 +63,11 @@ def test_an_engine_s_folder_is_where_its_databases_are(
             running.kill()
     assert all(code == 1 and f"lies in {engine}" in why for code, why in said), said
     assert beside == (0, "")
+
+
+def test_where_an_engine_mounts_images_is_said() -> None:
+    """A container with the robot's /tmp put a link in the place of such a mount, and root made files where it led."""
+    for path in ("/tmp", "/tmp/", "//tmp/."):
+        kind, why = mount_kind(path)
+        assert kind == "host-path" and "as root" in why
+    assert mount_kind("/tmp/.X11-unix") == mount_kind("/srv/tmp") == ("host-path", "")
