@@ -111,13 +111,29 @@ def check_source(snapshot: Snapshot, instance: str, source: str, *, adopt: bool)
         }
     )
     owners = [known.source] if known and known.source else labelled
-    if adopt or not owners or source in owners:
+    if adopt or not owners:
         return
-    raise RefusedError(
-        f"instance '{instance}' on these robots was made from {owners[0]}, not from {source}",
-        hint="run it under another name with --instance NAME, destroy the other one, or take it over with --adopt",
-        code=Code.OWNER,
-    )
+    strange = {"these robots": owners[0]} if source not in owners else _made_otherwise(snapshot, instance, source)
+    for where, other in sorted(strange.items()):
+        raise RefusedError(
+            f"instance '{instance}' on {where} was made from {other}, not from {source}",
+            hint="run it under another name with --instance NAME, destroy the other one, or take it over with --adopt",
+            code=Code.OWNER,
+        )
+
+
+def _made_otherwise(snapshot: Snapshot, instance: str, source: str) -> dict[str, str]:
+    """Return robot -> who made its containers, where nothing that the robot itself says names `source`.
+
+    Else one robot that names it, by a label of its own making, gives away what another experiment has on the others.
+    """
+    found = {}
+    for robot, items in snapshot.observed.items():
+        every = [one.state["source"] for one in items if one.module in RUNNING and one.instance == instance]
+        known = read_record(snapshot.records.get(robot, {}).get(instance))
+        if (said := sorted({*every} - {""})) and source not in (*said, known.source if known else ""):
+            found[robot] = str(said[0])
+    return found
 
 
 def owned(snapshot: Snapshot, instance: str) -> Mapping[str, tuple[Observed, ...]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +11,12 @@ import click
 import pytest
 
 from srprov.cli.main import run
+from srprov.record.memory import Memory, remember
 from tests.fakes import World
 
 EDF = "edf: 1\nname: demo\nservices: {a: {image: 'alpine:3', robot: r1, volumes: ['log:/log']}}\n"
 HOW = ("-i", "inv.yml", "--yes", "--settle", "0", "--no-probe")
+RECORD = "/var/lib/srprov/theirs/placement.json"
 ALL = ("destroy", "-i", "inv.yml", "--all-instances")
 
 
@@ -62,6 +66,27 @@ def test_with_a_file_those_of_the_file(three: World, capsys: pytest.CaptureFixtu
     assert "another file made theirs" in capsys.readouterr().err
     assert run([*ALL, "e.edf", "--yes", "--adopt"]) == 0
     assert there(three) == []
+
+
+def test_a_robot_that_says_that_the_file_made_another_s_takes_nothing_from_others(
+    three: World, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whoever is root on it knows the source, which stands on what it has of the file. Another machine made theirs."""
+    remember("theirs", Memory())
+    r1, r2 = three.robots["r1"], three.robots["r2"]
+    mine = r1.engine.containers["srprov.demo.a"]
+    body = {
+        "Image": "x",
+        "HostConfig": {},
+        "Labels": {**mine.body["Labels"], "srprov.instance": "theirs", "srprov.service": "w"},
+    }
+    r1.engine.containers["srprov.theirs.w"] = replace(mine, name="srprov.theirs.w", body=body)
+    said = json.loads(r1.disk.files[RECORD]) | {"serial": 900, "robots": {"r1": {}}, "services": {}}
+    said["source"] = body["Labels"]["srprov.source"]
+    r1.disk.files[RECORD] = json.dumps(said).encode()
+    assert run([*ALL, "e.edf", "--yes"]) == 9
+    assert "srprov.theirs.a" in r2.engine.containers
+    assert "instance 'theirs' on r2 was made from" in capsys.readouterr().err
 
 
 def test_one_question_names_all(three: World, capsys: pytest.CaptureFixture[str], monkeypatch: Any) -> None:
