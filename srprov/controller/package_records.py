@@ -95,7 +95,8 @@ def _wanted(
 
     `robots` says of what architecture each is.
     """
-    tags, ours = sorted(bases), known_images()
+    tags = sorted(bases)
+    ours = {key: {one.partition(" ")[0] for one in built} for key, built in known_images().items()}
     questions = [EngineQuery(path=f"/images/{tag}/json") for tag in tags]
     replies = ask_each(dict.fromkeys(robots, questions)) if tags else {}
     wanted: dict[tuple[str, str], _Read] = {}

@@ -21,6 +21,7 @@ from srprov.controller import bundled
 from srprov.controller.choice import Choice, choice_of, decided, settled
 from srprov.controller.context import contexts
 from srprov.controller.data_plan import plan_data
+from srprov.controller.image_builders import BUILDERS, counted
 from srprov.controller.image_layers import with_layers
 from srprov.controller.image_plans import images_alone, images_there, plan_images, with_fresh
 from srprov.controller.labpolicy import enforce, with_limits
@@ -37,7 +38,7 @@ from srprov.controller.playbooks import playbooks
 from srprov.controller.readiness import check_ready, with_log_drivers
 from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.request import PlanRequest
-from srprov.controller.robot_images import BUILDERS, check_never
+from srprov.controller.robot_images import check_never
 from srprov.controller.robots_words import at_home
 from srprov.controller.trial_values import at_first_point
 from srprov.controller.writers import check_writers
@@ -194,6 +195,7 @@ def _inputs(
         definitions, experiment, placed.placed, reachable, look.ask_each, request.allowed
     )
     images, references = plan_images(bundled.to_build(definitions.containers, experiment, mine))
+    builders, tags = look.inventory.groups.get(BUILDERS, ()), {one.tag for one in images.values()}
     inputs = RenderInputs(
         instance=overlay.instance,
         source=source,
@@ -206,11 +208,11 @@ def _inputs(
         snapshot=snapshot,
         data=plan_data(experiment, placed.placed, choice.data, snapshot, request),
         copy_way=request.copy,
-        known_images=known_images() if images else {},
+        known_images=counted(known_images() if tags else {}, tags, builders, snapshot, look.identity),
         images_only=request.images_only,
         images_for=services_of(request.targets, experiment, placed.placed) if request.images_only else (),
         bundled=mine,
-        builders=look.inventory.groups.get(BUILDERS, ()),
+        builders=builders,
     )
     check_never(inputs)
     check_platforms(inputs, definitions)

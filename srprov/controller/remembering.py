@@ -6,7 +6,7 @@ Takes a `Planned` and what came of it; reads and writes the memory of its instan
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from srprov.controller.robot_files import record_path
@@ -16,6 +16,7 @@ from srprov.untrusted import mapping, parse_json
 if TYPE_CHECKING:
     from srprov.controller.plan import Planned
     from srprov.execution import RunResult
+    from srprov.session import Session
 
 
 def begin(planned: Planned) -> str:
@@ -42,14 +43,15 @@ def end(planned: Planned, result: RunResult, verb: str) -> str:
     return remember(instance, Memory(robots=away | given.keys(), records=records))
 
 
-def note_built(result: RunResult) -> str:
-    """Remember the ids of images that this run had built; return why that is not possible, or nothing."""
+def note_built(result: RunResult, sessions: Mapping[str, Session]) -> str:
+    """Remember the ids of images that this run had built, and who built them; return why not, or nothing."""
     built: dict[str, set[str]] = {}
     for one in result.results:
         want = one.step.want
         if want is not None and want.module == "image" and want.params.source == "build" and one.after:
             tag = built_for(want.name, next(iter(want.params.runs), ""))
-            built.setdefault(tag, set()).add(str(one.after["id"]))
+            if one.step.host in sessions:
+                built.setdefault(tag, set()).add(f"{one.after['id']} {sessions[one.step.host].identity}")
     return note_images(built)
 
 

@@ -14,9 +14,6 @@ from srprov.image_reference import Reference, parse_reference
 from srprov.record.memory import built_for
 from srprov.resource import resource_id
 
-BUILDERS = "builders"
-"""The group of an inventory whose hosts build images."""
-
 
 def normalise(text: str) -> str:
     """Return an image's name as Docker lists it: `busybox` is `busybox:latest`; beside a digest a tag says nothing."""

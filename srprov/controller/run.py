@@ -78,7 +78,8 @@ def run(
 
         forgetful = remembering.begin(planned)
         result = run_plan(planned.plan, fleet.connected(), recorded, replace(options, run=folder.name), stop, held)
-        forgetful = remembering.note_built(result) or remembering.end(planned, result, options.verb) or forgetful
+        unnoted = remembering.note_built(result, fleet.connected())
+        forgetful = unnoted or remembering.end(planned, result, options.verb) or forgetful
         document = run_json(planned.plan, result, fleet.connected(), phases)
         if result.probed is not None:
             folder.put_json("probe.json", result.probed.json)

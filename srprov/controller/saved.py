@@ -17,6 +17,7 @@ from srprov.controller.authority import check_copies, check_underlay, services_o
 from srprov.controller.data_owner import check_saved, remember_owner
 from srprov.controller.data_sets import refuse_files
 from srprov.controller.fleet import Fleet
+from srprov.controller.image_builders import BUILDERS, counted
 from srprov.controller.old_values import as_reviewed, with_differences, without_old_lines
 from srprov.controller.ownership import check_source, looking, owned
 from srprov.controller.permissions import require_decided
@@ -128,7 +129,8 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
         check_saved(saved.plan, wants, snapshot, owners)
         check_source(snapshot, saved.plan.instance, saved.plan.source, adopt=adopt)
         if not owners:
-            check_copies(saved, known_images(), snapshot.facts)
+            builders, tags = fleet.inventory.groups.get(BUILDERS, ()), {want.name for want in wants}
+            check_copies(saved, counted(known_images(), tags, builders, snapshot, look.identity), snapshot.facts)
             refuse_files(wants)
             check_underlay(saved, {facts.underlay_address for facts in snapshot.facts.values()})
             if not adopt and not signed:

@@ -124,6 +124,13 @@ class Gathering:
                 replies[host] = future.result()
         return replies
 
+    def identity(self, name: str) -> str:
+        """Return what a robot proves to be, as `Reader.identity` says it; nothing when it cannot be talked to."""
+        try:
+            return self._readers(name).identity
+        except TransportError:
+            return ""
+
     def __enter__(self) -> Gathering:
         """Return itself."""
         return self

@@ -20,7 +20,7 @@ from srprov import believed
 from srprov.record.folder import default_root
 from srprov.untrusted import mapping, parse_json, string, strings
 
-_LONGEST = 1 << 20
+_LONGEST = 4 << 20
 _MOST_IMAGES = 2000
 
 
@@ -72,12 +72,15 @@ def built_for(tag: str, arch: str) -> str:
 
 
 def known_images() -> dict[str, frozenset[str]]:
-    """Return what `built_for` says -> the ids of images that a run of this machine had built so."""
+    """Return what `built_for` says -> `ID WHO` of images that a run of this machine had built so, by who built them.
+
+    WHO is the robot's `identity`; a file of an older srprov does not tell it.
+    """
     return _sets(_images())
 
 
 def note_images(built: Mapping[str, Collection[str]]) -> str:
-    """Remember ids of images that were built, by what `built_for` says; return why that is not possible, or nothing."""
+    """Remember `ID WHO` of images that were built, by what `built_for` says; return why not, or nothing."""
     return _add(_images(), built)
 
 

@@ -183,3 +183,34 @@ def test_a_robot_that_was_of_another_architecture_builds_for_no_builder(lab_of_m
     finally:
         lab.shell("robot1", "docker", "tag", real, "busybox:latest")
     assert lab.srprov("destroy", str(path), "-i", inventory, "--yes", env=home).code == 0
+
+
+def test_a_robot_that_built_for_itself_alone_builds_for_no_builder(lab_of_module: Lab, tmp_path: Path) -> None:
+    """Its own inventory named no builder, and its base was of its own making; the laboratory's names another robot."""
+    lab, path, home = lab_of_module, tmp_path / "alone.edf", {"XDG_STATE_HOME": str(tmp_path / "state")}
+    (tmp_path / "x.cdf").write_text("cdf: 1\nname: alone\nbase: busybox\ncommand: [sleep, '86400']\n", encoding="utf-8")
+    alone = part_of_lab(lab, ["robot1"], tmp_path / "alone.yml")
+    both = part_of_lab(lab, ["robot1", "robot2"], tmp_path / "lab.yml")
+    builders = tmp_path / "builders.yml"
+    builders.write_text("builders: {hosts: {robot2: {}}}\n", encoding="utf-8")
+
+    def on(robot: str, *words: str) -> Done:
+        service = {"cdf": "x.cdf", "robot": robot, "stop_signal": "SIGKILL"}
+        path.write_text(edf("alone", {"one": service}), encoding="utf-8")
+        return lab.srprov("apply", str(path), "--yes", "--settle", "0", "--no-probe", *words, env=home)
+
+    real = lab.shell(
+        "robot1", "sh", "-c", "docker pull -q busybox >/dev/null && docker images -q busybox:latest"
+    ).out.strip()
+    lab.shell(
+        "robot1", "sh", "-c", "printf 'FROM busybox\nRUN echo >/not-yours\n' | docker build -q -t busybox:latest -"
+    )
+    try:
+        assert on("robot1", "-i", alone).code == 0
+        assert lab.shell("robot1", "docker", "exec", "srprov.alone.one", "ls", "/not-yours").out
+        moved = on("robot2", "-i", both, "-i", str(builders), "--reassign")
+        assert moved.code == 0 and "copied from" not in moved.out, moved
+        assert lab.shell("robot2", "docker", "exec", "srprov.alone.one", "ls", "/not-yours", check=False).code != 0
+    finally:
+        lab.shell("robot1", "docker", "tag", real, "busybox:latest")
+    assert lab.srprov("destroy", str(path), "-i", both, "--yes", env=home).code == 0

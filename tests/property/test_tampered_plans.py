@@ -241,7 +241,7 @@ def test_a_plan_file_copies_only_images_that_were_built_under_their_tag(
         with pytest.raises(UsageError, match=rf"{name[:20]}\S* asks for playbook"):
             stage.apply(copying(saved, name, source, **of))
     text = copying(saved, built, "robot3", id="sha256:1")
-    for ids in ([], ["sha256:2"]):
+    for ids in ([], ["sha256:2 robot3 local"]):
         note_images({built_for(built, "amd64"): ids})
         with pytest.raises(RefusedError, match="only this plan, which was not written here, says that srprov/new"):
             stage.apply(text)

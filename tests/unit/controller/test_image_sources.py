@@ -9,12 +9,14 @@ from typing import Any
 import pytest
 
 from srprov.controller import bundled as bundles
+from srprov.controller.image_builders import counted
 from srprov.controller.remembering import note_built
 from srprov.controller.request import BundledImage
 from srprov.controller.robot_images import robot_images
 from srprov.definitions.containermodel import Runtime
-from srprov.definitions.model import Experiment, Service
+from srprov.definitions.model import Experiment, Inventory, Service
 from srprov.facts.model import Docker, HostFacts, Snapshot
+from srprov.facts.stored_look import StoredLook
 from srprov.images.plan import ImagePlan
 from srprov.record.memory import built_for, known_images, note_images
 from srprov.resource import Observed
@@ -25,9 +27,12 @@ BUILT = built_for(TAG, "amd64")
 
 def sources(
     known: dict[str, set[str]], builders: tuple[str, ...] = (), bundled: dict[str, BundledImage] | None = None,
-    **ids: str,
+    away: tuple[str, ...] = (), **ids: str,
 ) -> dict[str, tuple[str, str]]:  # fmt: skip
-    """Return robot -> (source, from) of the image that `b` runs, where robots list an image of an id under its tag."""
+    """Return robot -> (source, from) of the image that `b` runs, where robots list an image of an id under its tag.
+
+    `known` has `ID NAME` of what was built, by whom.
+    """
     plan = ImagePlan(tag=TAG, dockerfile="FROM x", context=b"tar", base="x", pinned=True)
     docker = Docker(version="20.10", api_version="1.41")
     facts = {name: HostFacts(name=name, arch="amd64", docker=docker) for name in ("a", "b", "c")}
@@ -43,7 +48,13 @@ def sources(
         images={"x": plan},
         references={},
         snapshot=Snapshot(facts=facts, observed=observed),
-        known_images=known,
+        known_images=counted(
+            {key: {f"{one} proof" for one in some} for key, some in known.items()},
+            {TAG},
+            builders,
+            Snapshot(facts=facts, observed=observed, unreachable=dict.fromkeys(away, "")),
+            "{} proof".format,
+        ),
         copy_way="",
         copied={},
         bundled=bundled or {},
@@ -63,12 +74,12 @@ def sources(
 
 
 def test_an_image_that_this_machine_had_built_is_copied_by_its_id() -> None:
-    assert sources({BUILT: {"sha256:1", "sha256:2"}}, c="sha256:1") == {"b": ("copy", "c sha256:1")}
+    assert sources({BUILT: {"sha256:1 c", "sha256:2 a"}}, c="sha256:1") == {"b": ("copy", "c sha256:1")}
 
 
 def test_an_image_of_a_bundle_comes_from_this_machine_wherever_its_name_leads() -> None:
     found = sources(
-        {BUILT: {"sha256:1"}}, b="sha256:1", c="sha256:1", bundled={"one": BundledImage("sha256:5", "amd64")}
+        {BUILT: {"sha256:1 c"}}, b="sha256:1", c="sha256:1", bundled={"one": BundledImage("sha256:5", "amd64")}
     )
     assert found == {"b": ("cache", "sha256:5")}
 
@@ -97,7 +108,7 @@ def test_a_service_has_the_image_of_a_bundle_that_its_robot_runs() -> None:
     assert bundles.to_build(containers, changed, whole) == {}
 
 
-@pytest.mark.parametrize("known", [{}, {BUILT: {"sha256:1"}}])
+@pytest.mark.parametrize("known", [{}, {BUILT: {"sha256:1 a"}}])
 def test_a_robot_that_lists_the_tag_of_another_image_is_no_source(known: dict[str, set[str]]) -> None:
     """It is built anew, by a robot that does not say that it has it already."""
     assert sources(known, a="sha256:evil") == {"b": ("build", "")}
@@ -110,12 +121,29 @@ def test_without_anybody_who_has_it_the_first_robot_builds() -> None:
 def test_images_are_built_by_builders_of_the_robots_architecture() -> None:
     assert sources({}, builders=("arm", "c")) == {"c": ("build", ""), "b": ("copy", "c")}
     assert sources({}, builders=("arm",)) == {"a": ("build", ""), "b": ("copy", "a")}
-    assert sources({BUILT: {"sha256:1"}}, builders=("c",), a="sha256:1") == {"b": ("copy", "a sha256:1")}
+    assert sources({BUILT: {"sha256:1 c"}}, builders=("c",), a="sha256:1") == {"b": ("copy", "a sha256:1")}
+
+
+def test_what_was_built_by_a_robot_that_would_not_build_now_is_no_source() -> None:
+    """It was alone then, and built for itself; or it is another laboratory's, of which one here has the image."""
+    mine = {BUILT: {"sha256:evil a"}}
+    assert sources(mine, a="sha256:evil") == {"b": ("copy", "a sha256:evil")}, "it is who builds here"
+    assert sources(mine, builders=("c",), a="sha256:evil") == {"c": ("build", ""), "b": ("copy", "c")}
+    assert sources(mine, builders=("c",), a="sha256:evil", away=("a",)) == {"c": ("build", ""), "b": ("copy", "c")}
+    assert sources({BUILT: {"sha256:evil other"}}, c="sha256:evil") == {"a": ("build", ""), "b": ("copy", "a")}
+    assert sources({BUILT: {"sha256:1 other"}}, c="sha256:1", away=("other",)) == {"b": ("copy", "c sha256:1")}
+    facts = {"a": HostFacts(name="a", arch="amd64", docker=Docker(version="20.10", api_version="1.41"))}
+    known = {BUILT: {"sha256:1 a another-key", "sha256:2", "sha256:3 a key"}}
+    found = counted(known, {TAG}, (), Snapshot(facts=facts, observed={}), lambda name: f"{name} key")
+    assert counted(known, {TAG}, ("c",), Snapshot(facts=facts, observed={}), "{} key".format) == {BUILT: frozenset()}
+    nobody = StoredLook(Inventory(hosts={}, groups={}), Snapshot(facts=facts, observed={}))
+    assert counted(known, {TAG}, (), nobody.first(), nobody.identity) == {BUILT: frozenset()}
+    assert found == {BUILT: {"sha256:3"}}, "a name alone is no proof, and what an older srprov noted has none"
 
 
 def test_what_was_built_for_another_architecture_is_no_source() -> None:
     """A robot may say for a while that it is of one that has no builder, and builds for itself then."""
-    lied = {built_for(TAG, "arm64"): {"sha256:evil"}}
+    lied = {built_for(TAG, "arm64"): {"sha256:evil a"}}
     assert sources(lied, a="sha256:evil") == {"b": ("build", "")}
     assert sources(lied, builders=("c",), a="sha256:evil") == {"c": ("build", ""), "b": ("copy", "c")}
 
@@ -130,12 +158,14 @@ def test_ids_of_what_a_run_had_built_are_remembered(tmp_path: Path, monkeypatch:
 
     def result(source: str, after: object) -> Any:
         want = SimpleNamespace(module="image", name=TAG, params=SimpleNamespace(source=source, runs=("amd64", "386")))
-        return SimpleNamespace(step=SimpleNamespace(want=want), after=after)
+        return SimpleNamespace(step=SimpleNamespace(want=want, host="a"), after=after)
 
     ran: Any = SimpleNamespace(
         results=[result("build", {"id": "sha256:1"}), result("copy", {"id": "sha256:2"}), result("build", None)]
     )
-    assert note_built(ran) == "" and known_images() == {BUILT: {"sha256:1"}}
-    assert note_images({BUILT: ["sha256:3"]}) == "" and known_images() == {BUILT: {"sha256:1", "sha256:3"}}
+    sessions: Any = {"a": SimpleNamespace(identity="a key")}
+    assert note_built(ran, sessions) == "" and known_images() == {BUILT: {"sha256:1 a key"}}
+    assert note_images({BUILT: ["sha256:3 b key"]}) == ""
+    assert known_images() == {BUILT: {"sha256:1 a key", "sha256:3 b key"}}
     (tmp_path / "srprov" / "images.json").write_text("[", encoding="utf-8")
     assert known_images() == {}
