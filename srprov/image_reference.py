@@ -76,7 +76,7 @@ def parse_reference(text: str) -> Reference:
     if tag is not None and not _TAG.fullmatch(tag):
         raise ValueError(f"'{shown}' has no valid tag")
     domain, path = _split_domain(name)
-    if (domain, path) == (_DEFAULT_DOMAIN, "library/sha256"):
+    if domain == _DEFAULT_DOMAIN and path in ("library/sha256", "library/moby-dangling"):  # the latter in containerd's
         raise ValueError(f"'{shown}' is an id, not a name: it says nothing of where the image comes from")
     if not _DOMAIN.fullmatch(domain):
         raise ValueError(f"'{shown}' has no valid registry name")

@@ -61,6 +61,7 @@ def test_forms(text: str, canonical: str, familiar: str) -> None:
         ("x" * 300, "name"),
         # what an engine is given is the short form, which would be an id, or a name of another registry
         ("sha256:9", "an id"),
+        ("moby-dangling@sha256:" + "ab" * 32, "an id"),
         ("library/sha256:9", "an id"),
         ("docker.io/library/sha256:" + "ab" * 32, "an id"),
         ("index.docker.io/sha256:9", "an id"),
