@@ -19,6 +19,7 @@ from srprov.evidence.files import NotThere, content
 from srprov.evidence.grades import DIFFERENT, EQUIVALENT, IDENTICAL, UNKNOWN, Line
 from srprov.evidence.images import BUILT, sbom_name, stored
 from srprov.oci import sbom
+from srprov.untrusted import mapping
 
 _MOST_SHOWN = 8
 _MOST_SBOM = 64 << 20
@@ -36,6 +37,8 @@ class _Of(msgspec.Struct, frozen=True):
     id: str
     """The digest of its configuration where that is known, else as its engine named it."""
     packages: Packages | None
+    by_manifest: bool = False
+    """The id is that of a manifest, as an engine with containerd's store names images."""
     whole: bool = False
     """All packages are known, not only those beyond its base."""
 
@@ -52,6 +55,9 @@ def images(a: Run, b: Run) -> Iterator[Line]:
             yield Line(service, UNKNOWN, f"{same}; its id is not recorded")
         elif one.id == other.id:
             yield Line(service, IDENTICAL, one.name)
+        elif one.by_manifest != other.by_manifest:
+            text = f"{one.name}, and {other.name}: ids of a containerd store and of another one do not compare"
+            yield Line(service, UNKNOWN, f"{text}; a bundle with images tells both")
         else:
             yield _compared(service, one, other)
 
@@ -79,7 +85,13 @@ def _known(run: Run) -> Iterator[tuple[str, _Of]]:
             yield service, _Of(name, found.id, _listed(run, found.id), whole=True)
         else:
             digits = name.removeprefix(BUNDLED) if name.startswith(BUNDLED) else ""
-            yield service, _Of(name, f"sha256:{digits}" if digits else id_, recorded.get(name))
+            manifest = not digits and _names_by_manifest(run, service)
+            yield service, _Of(name, f"sha256:{digits}" if digits else id_, recorded.get(name), manifest)
+
+
+def _names_by_manifest(run: Run, service: str) -> bool:
+    facts = mapping(run.robots.get(run.story.last.assignment.get(service, "")))
+    return mapping(facts.get("docker")).get("storage_driver") == "overlayfs"  # the classic driver is overlay2
 
 
 def _listed(run: Run, image: str) -> Packages:

@@ -104,3 +104,17 @@ def test_a_list_that_is_none_is_an_error_and_no_crash(first: Path, tmp_path: Pat
     other = shutil.copy(first, tmp_path / "c.zip")
     with pytest.raises(UsageError, match="cannot be compared"):
         lines(broken, Path(other))
+
+
+def test_ids_of_engines_that_name_images_otherwise_are_not_compared(tmp_path: Path) -> None:
+    """With containerd's store an id is that of the manifest: it differs, whatever the image is."""
+    runs = []
+    for name, image in (("a", RUNNER), ("b", NEWER)):
+        (tmp_path / name).mkdir()
+        runs.append(run_with(tmp_path / name, image))
+    assert lines(*runs)["runner"].grade == "different"
+    for path in runs[1].rglob("facts.json"):
+        path.chmod(0o600)
+        path.write_text(path.read_text().replace("overlay2", "overlayfs"))
+    found = lines(*runs)["runner"]
+    assert found.grade == "unknown" and "do not compare" in found.text, found
