@@ -10,7 +10,8 @@ Source: Docker Engine API 1.41, "Create an image", "Inspect an image", "Tag an i
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from msgspec.structs import replace
 
@@ -24,7 +25,7 @@ from srprov.transport.registry import answer
 from srprov.transport.registry_image import served
 from srprov.transport.ssh_session import SshSession
 from srprov.transport.thin_archive import ThinArchive
-from srprov.untrusted import mapping, strings
+from srprov.untrusted import mapping, mappings, strings
 from srprov.wire import EngineCall, Reply
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from srprov.transport.session import BaseSession
 
 _FORWARD_S = 10.0
+_MOST_IMAGES = 5000
 
 
 class NoWayBack(Exception):
@@ -135,12 +137,12 @@ class Pull:
     def _completed(self, name: str) -> Reply:
         """Return what the engine says of the image if it is the one that was served, else why not.
 
-        What it has left out is loaded: it shows an image without its layers then.
+        What it has left out is loaded.
         """
         look = EngineCall(method="GET", path=f"/images/{name}/json")
         reply = self._engine.call(look, no_progress)
         layers = layers_but(self._image, self._given)
-        if not layers or (reply.ok and strings(mapping(mapping(reply.json()).get("RootFS")).get("Layers"))):
+        if not layers or self._is_whole(mapping(reply.json()) if reply.ok else {}):
             return _compared(reply, self._image)
         size = sum(one.size for one in layers)
         if lack := self._room.lack(size, 0, spooled=False):
@@ -149,6 +151,13 @@ class Pull:
         pieces = self._meter.count(loaded(self._image, name, layers))
         reply = self._engine.load(pieces, self._timeout_s, no_progress)
         return _compared(self._engine.call(look, no_progress), self._image) if reply.ok else reply
+
+    def _is_whole(self, said: Mapping[str, Any]) -> bool:
+        """Return whether the engine shows an image with layers, and lists it; Docker 28 lacks the one, 26 the other."""
+        if not strings(mapping(said.get("RootFS")).get("Layers")):
+            return False
+        listed = self._engine.call(EngineCall(method="GET", path="/images/json"), no_progress)
+        return any(one.get("Id") == said.get("Id") for one in mappings(listed.json(), most=_MOST_IMAGES))
 
 
 def _compared(inspected: Reply, image: ServedImage) -> Reply:

@@ -57,6 +57,10 @@ class Engine:
     """In the place of what it should say of the image."""
     unpacked: Collection[str] = ()
     """Compressed layers of which it has the content: it asks for none of these, and shows no image without them."""
+    has: Collection[str] = ()
+    """Compressed layers that it has just so."""
+    lists: bool = True
+    """It lists such an image, and shows it without layers, as Docker 28 does; else it is the other way round."""
     takes: bool = True
     """It has what it is given to load."""
     room: Room = field(default_factory=Room)
@@ -73,8 +77,12 @@ class Engine:
                 self._ask()
             ok = self.pulls and self.reaches
             return Reply(status=200, ok=ok, err="" if ok else "filesystem layer verification failed")
+        if call.path == "/images/json":
+            return Reply(
+                status=200, out=json.dumps([{"Id": self.image.image.id}] if self.lists or not self.unpacked else [])
+            )
         if call.method == "GET":
-            if self.unpacked:
+            if self.unpacked and self.lists:
                 return Reply(status=200, out=json.dumps({"Id": self.image.digest, "RootFS": {}}))
             said = {"Id": self.image.image.id, "RootFS": {"Layers": list(self.image.image.diff_ids)}, **self.says}
             return Reply(status=200, out=json.dumps(said))
@@ -92,7 +100,7 @@ class Engine:
 
     def _ask(self) -> None:
         for one in self.image.layers:
-            if one.compressed not in self.unpacked:
+            if one.compressed not in (*self.unpacked, *self.has):
                 self._get(f"blobs/{one.compressed}")
         self._get(f"manifests/{self.image.digest}")
 
@@ -128,6 +136,7 @@ def words(engine: Engine) -> list[str]:
 
 PULL = "POST /images/create?fromImage=127.0.0.1:40000/NAME&tag=DIGEST"
 LOOK = "GET /images/127.0.0.1:40000/NAME@DIGEST/json"
+LIST = "GET /images/json"
 NAME = "POST /images/127.0.0.1:40000/NAME@DIGEST/tag?repo=srprov/talker&tag=0123456789abcdef"
 FORGET = "DELETE /images/127.0.0.1:40000/NAME@DIGEST"
 
@@ -162,15 +171,23 @@ def test_another_image_than_was_served_gets_no_name(engine: Engine, says: dict[s
     assert words(engine) == [PULL, LOOK, FORGET]
 
 
-def test_a_layer_that_the_engine_did_not_ask_for_is_loaded(engine: Engine, image: ServedImage) -> None:
-    """It has the content from another registry, compressed otherwise; without this it shows an image of no layers."""
+@pytest.mark.parametrize("lists", [True, False])
+def test_a_layer_that_the_engine_did_not_ask_for_is_loaded(engine: Engine, image: ServedImage, lists: bool) -> None:
+    """It has the content from another registry, compressed otherwise; without this the image is half there."""
     base, top = image.layers
-    engine.unpacked = {base.compressed}
+    engine.unpacked, engine.lists = {base.compressed}, lists
     assert pull(engine).ok
-    assert words(engine) == [PULL, LOOK, "load", LOOK, NAME, FORGET]
+    assert words(engine) == [PULL, LOOK, *([] if lists else [LIST]), "load", LOOK, NAME, FORGET]
     blobs = [image.digest, image.image.id, base.compressed]
     names = ["oci-layout", "index.json", *(f"blobs/{one.replace(':', '/')}" for one in blobs)]
     assert [one.name for one in engine.loaded] == names and top.compressed not in str(names)
+
+
+def test_what_it_has_as_it_is_served_is_not_loaded(engine: Engine, image: ServedImage) -> None:
+    """It did not ask for it as it has it from an earlier copy."""
+    engine.has = {image.layers[0].compressed}
+    assert pull(engine).ok
+    assert words(engine) == [PULL, LOOK, LIST, NAME, FORGET]
 
 
 def test_what_is_not_there_after_that_either_gets_no_name(engine: Engine, image: ServedImage) -> None:
