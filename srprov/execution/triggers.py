@@ -7,19 +7,20 @@ robot's own network. Only the image says that it has some, so each is looked at 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from msgspec.structs import replace
 
 from srprov import plain_tar
-from srprov.definitions.dockerfile import instructions, is_open, stages
+from srprov.definitions.dockerfile import images_of, instructions, is_open, stages
 from srprov.image_reference import pull_parameters
 from srprov.session import Progress, Session
-from srprov.untrusted import mapping, string
+from srprov.untrusted import mapping, mappings, string, strings
 from srprov.wire import EngineCall, EngineQuery, Reply
 
 _VARIABLE = re.compile(r"\$\{[a-z_][a-z0-9_]*(?::[-+][^${}\"'\\]*)?\}|\$[a-z_][a-z0-9_]*")
+_FROM_OPTION = re.compile(r"(?<!\S)--from=(\S+)")
 _PLATFORM = re.compile(r"(?<!\S)--platform=(\S*)")
 _ALIKE = {"x86_64": "amd64", "x86-64": "amd64", "aarch64": "arm64"}
 _USUAL = {"amd64": "v1", "arm64": "v8", "arm": "v7"}
@@ -37,34 +38,80 @@ def refuse_triggers(build: EngineCall, session: Session, progress: Progress) -> 
 
     A base by one name may have another image for each platform, with instructions of its own. Of an engine with
     containerd's store a build gets the one that its `--platform` says, and only that of the robot can be looked at.
+    What files are copied of is pulled before, too: it could bring the other image that a base's name may mean.
 
     Raises:
         TransportError: The robot cannot be talked to any more.
     """
     try:
-        bases = _bases(build.blob)
+        names = _bases(build.blob)
     except ValueError as error:
         return Reply(status=0, ok=False, err=f"the build's context is not such as srprov writes: {error}")
-    for name, platforms in bases.items():
-        query = EngineQuery(path=f"/images/{name}/json")
-        (reply,) = session.ask([query])
-        if not reply.ok:
-            pulled = session.execute(_pull(name, build.timeout_s), progress)
-            if not pulled.ok:
-                return pulled
-            (reply,) = session.ask([query])
+    for name in names:  # all before any is looked at: what comes during the build may be part of what a name means
+        (reply,) = session.ask([_look(name)])
+        if not reply.ok and not (pulled := session.execute(_pull(name, build.timeout_s), progress)).ok:
+            return pulled
+    for name, platforms in names.items():
+        (reply,) = session.ask([_look(name)])
         answer = mapping(reply.json())
         if not reply.ok or not answer:
             return Reply(status=reply.status, ok=False, err=f"the base {name} cannot be looked at: {reply.err}")
-        if triggers := mapping(answer.get("Config")).get("OnBuild"):
-            why = f"the base {name} has ONBUILD instructions, which would run unasked: {str(triggers)[:200]}"
+        if why := _unasked(name, answer, platforms):
             return Reply(status=0, ok=False, err=f"{why}; {_TRUST}")
-        has = _platform(answer)
-        if other := next((one for one in sorted(platforms) if _normal(one) != has), None):
-            seen = "/".join(filter(None, has)) or "nothing that it names"
-            why = f"FROM --platform={other[:60]}: {name} could be looked at for {seen} alone"
-            return Reply(status=0, ok=False, err=f"{why}, and another one may have ONBUILD instructions; {_TRUST}")
     return None
+
+
+def _look(name: str) -> EngineQuery:
+    return EngineQuery(path=f"/images/{name}/json", params=(("manifests", "1"),))
+
+
+def _unasked(name: str, answer: Mapping[str, Any], platforms: Collection[str] | None) -> str:
+    """Return why a build with an image might run what nobody was asked about, or nothing."""
+    if not _is_all(answer):
+        return f"{name} may mean several images, of which a build may take another than the one that was looked at"
+    if platforms is None:  # files of it are copied
+        return ""
+    if triggers := mapping(answer.get("Config")).get("OnBuild"):
+        return f"the base {name} has ONBUILD instructions, which would run unasked: {str(triggers)[:200]}"
+    has = _platform(answer)
+    if other := next((one for one in sorted(platforms) if _normal(one) != has), None):
+        seen = "/".join(filter(None, has)) or "nothing that it names"
+        why = f"FROM --platform={other[:60]}: {name} could be looked at for {seen} alone"
+        return f"{why}, and another one may have ONBUILD instructions"
+    return ""
+
+
+def _is_all(image: Mapping[str, Any]) -> bool:
+    """Return whether a build can get no other image by a name than the one that its engine tells.
+
+    In containerd's store a name may stand for a list of images, made by whoever published it: two for one platform, one
+    that is called an attestation and is none, one for another platform than the list says. What the engine tells of
+    such a list, what it builds on and what it takes the files of are then not always the same.
+    """
+    manifests = mappings(image.get("Manifests"))
+    if not manifests:  # a classic store, where an id is no digest that a registry knows, or an engine before 28
+        return all(one.rpartition("@")[2] != image.get("Id") for one in strings(image.get("RepoDigests")))
+    there = [one for one in manifests if one.get("Available") is not False]
+    if len(there) != 1 or there[0].get("Kind") != "image":
+        return False
+    if there == manifests and there[0].get("ID") == image.get("Id"):
+        return True
+    own = _listed(there[0])
+    others = [_listed(one) for one in manifests if one is not there[0]]
+    return own[:2] == _platform(image)[:2] and all(all(one[:2]) and one != own for one in others)
+
+
+def _listed(manifest: Mapping[str, Any]) -> tuple[str, str, str]:
+    """Return the platform of an entry of a list, as the list tells it."""
+    said = mapping(mapping(manifest.get("Descriptor")).get("platform"))
+    return _family(
+        _platform({"Os": said.get("os"), "Architecture": said.get("architecture"), "Variant": said.get("variant")})
+    )
+
+
+def _family(platform: tuple[str, str, str]) -> tuple[str, str, str]:
+    """Return a platform without what only narrows it: an engine may take any variant, but for those of `arm`."""
+    return platform if platform[1] == "arm" else (*platform[:2], "")
 
 
 def _platform(image: Mapping[str, Any]) -> tuple[str, str, str]:
@@ -106,19 +153,26 @@ def _may_be_scratch(image: str) -> bool:
     return any(map(is_open, fixed)) or re.fullmatch(".*".join(map(re.escape, fixed)), "scratch") is not None
 
 
-def _bases(context: bytes) -> dict[str, set[str]]:
+def _bases(context: bytes) -> dict[str, set[str] | None]:
     """Return the images that a context's Dockerfile starts from, in their order, each with the platforms it names.
+
+    Those that it only copies files of come with None.
 
     Raises:
         ValueError: It is no context that srprov writes, or its Dockerfile is too large.
     """
     text = _dockerfile(context)
     options = {line: _PLATFORM.findall(rest) for line, word, rest in instructions(text) if word == "FROM"}
-    known, found = {"scratch"}, dict[str, set[str]]()
+    known, found = {"scratch"}, dict[str, set[str] | None]()
     for line, image, name in stages(text):
         if image.lower() not in known and not is_open(image):
-            found.setdefault(image, set()).update(options[line])
+            found[image] = {*(found.get(image) or ()), *options[line]}
         known.add(name)
+    named = set(images_of(text))
+    for _, word, rest in instructions(text):
+        for image in _FROM_OPTION.findall(rest) if word == "COPY" else ():
+            if image in named and not is_open(image):
+                found.setdefault(image, None)
     return found
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, cast
 
 import pytest
@@ -19,6 +20,8 @@ class Robot:
     """An engine with images, and a registry to pull more from."""
 
     architecture, variant = "amd64", ""
+    store: Mapping[str, Any] = MappingProxyType({})
+    """What an engine tells of an image beside that, by the kind of its store."""
 
     def __init__(self, here: dict[str, Any], registry: dict[str, Any]) -> None:
         self.here, self.registry, self.pulled = here, registry, list[str]()
@@ -29,7 +32,8 @@ class Robot:
         if name not in self.here:
             return [Reply(status=404, ok=False, err="No such image")]
         about = {"Os": "linux", "Architecture": self.architecture, "Variant": self.variant}
-        return [Reply(status=200, out=json.dumps({"Id": "x", "Config": {"OnBuild": self.here[name]}, **about}))]
+        about |= {"Id": "x", "Config": {"OnBuild": self.here[name]}, **self.store}
+        return [Reply(status=200, out=json.dumps(about))]
 
     def execute(self, command: EngineCall, progress: Progress) -> Reply:
         params = dict(command.params)
@@ -111,6 +115,73 @@ def test_a_base_is_built_on_for_the_platform_alone_that_was_looked_at(
     assert refused is None or f"FROM --platform={platform}: good could be looked at for" in refused.err
     refused = refusal(robot, f"FROM good\nFROM \\\n --platform={platform} good\n")
     assert (refused is None) is begins
+
+
+def entry(
+    platform: str = "linux/amd64", *, there: bool = True, kind: str = "image", id_: str = "sha256:1"
+) -> dict[str, Any]:
+    """Return an entry of a list of images, as an engine with containerd's store tells it."""
+    names = zip(("os", "architecture", "variant"), platform.split("/"), strict=False)
+    return {"ID": id_, "Available": there, "Kind": kind, "Descriptor": {"platform": dict(names)}}
+
+
+ATTESTED = entry("unknown/unknown", there=False, kind="attestation")
+
+
+@pytest.mark.parametrize(
+    ("entries", "begins"),
+    [
+        ([{"ID": "x", "Available": True, "Kind": "image", "Descriptor": {}}], True),
+        ([entry(), ATTESTED], True),
+        ([entry(), entry("linux/386", there=False), entry("windows/amd64", there=False), ATTESTED], True),
+        # what is called an attestation is what a build gets, and nothing of it is told
+        ([entry(kind="attestation"), entry("linux/arm64", there=False)], False),
+        ([entry(kind="attestation"), entry("linux/arm64")], False),
+        ([entry(), entry(there=True)], False),
+        ([entry(), entry(there=False)], False),
+        ([entry(), entry("linux/amd64/v2", there=False)], False),
+        ([entry("Linux/x86_64"), entry(there=False)], False),
+        ([entry(), entry("", there=False)], False),
+        ([entry("")], False),
+        ([entry("linux/arm64"), entry(there=False)], False),
+    ],
+)
+def test_a_base_that_may_mean_several_images_is_not_built_on(entries: list[dict[str, Any]], begins: bool) -> None:
+    """What an engine tells of a list of images need not be what it builds on: also of one that files are copied of."""
+    for dockerfile in ("FROM one\n", "FROM two\nCOPY --from=one /x /x\n"):
+        robot = Robot({"one": None, "two": None}, {})
+        robot.store = {"Manifests": entries}
+        refused = refusal(robot, dockerfile)
+        assert (refused is None) is begins
+        assert refused is None or "may mean several images" in refused.err
+
+
+def test_a_list_of_variants_of_arm_is_built_on() -> None:
+    robot = Robot({"one": None}, {})
+    robot.architecture, robot.variant = "arm", "v6"
+    robot.store = {
+        "Manifests": [entry("linux/arm/v5", there=False), entry("linux/arm/v6"), entry("linux/arm/v7", there=False)]
+    }
+    assert refusal(robot, "FROM one\n") is None
+
+
+@pytest.mark.parametrize(("digest", "begins"), [("one@sha256:1", True), ("one@x", False)])
+def test_an_engine_that_tells_no_list_is_believed_with_a_classic_store_alone(digest: str, begins: bool) -> None:
+    """There an image's id is its configuration's hash; in containerd's it is the digest that a registry knows."""
+    robot = Robot({"one": None}, {})
+    robot.store = {"RepoDigests": [digest]}
+    assert (refusal(robot, "FROM one\n") is None) is begins
+
+
+def test_all_that_a_build_takes_is_pulled_before_anything_is_looked_at() -> None:
+    """What comes during a build may be what a name means from then on."""
+    text = (
+        "FROM good AS a\nCOPY --from=other /x /x\nFROM good\nCOPY --from=a /x /\nCOPY --from=0 /x /\nRUN x --from=no\n"
+    )
+    robot = Robot({"good": None}, {"other": ["RUN x"]})
+    assert refusal(robot, text) is None and robot.pulled == ["other latest"]
+    refused = refusal(Robot({"good": None}, {}), text)
+    assert refused is not None and "no such image in the registry" in refused.err
 
 
 WHOLE = context_tar("FROM good\n", [])
