@@ -31,6 +31,12 @@ _ENGINES = (
 
 _OF_ROOT = ("/run/dbus", "/run/systemd")
 """Folders with sockets of what does as root tells it, also root in a container."""
+_BELIEVED = (
+    *("/run/udev", "/run/modprobe.d", "/run/sysctl.d", "/run/tmpfiles.d", "/run/binfmt.d", "/run/sysusers.d"),
+    *("/run/cdi", "/run/polkit-1", "/run/initramfs", "/run/NetworkManager", "/run/wpa_supplicant"),
+    *("/run/wireguard", "/run/netns", "/var/spool/at", "/var/spool/cron"),
+)
+"""Folders that look like a service's own, and have what root's programs run or believe: udev's rules name programs."""
 _MOUNTED_IN = "/tmp"  # noqa: S108 - the robot's own
 """Each time that it makes a container: `containerd-mountNUMBER`, whatever TMPDIR it is given."""
 SHARED_MEMORY = "/dev/shm"  # noqa: S108 - the robot's own
@@ -55,6 +61,8 @@ def mount_kind(source: str) -> tuple[str, str]:
         return GRAVE, "what an engine or srprov keeps"
     if any(f"{path}/".startswith(f"{one}/") for one in _OF_ROOT):
         return "host-path", "who is root there tells systemd what to run, as root"
+    if any(f"{path}/".startswith(f"{one}/") or one.startswith(f"{path}/") for one in _BELIEVED):
+        return "host-path", "root runs or believes what is written there, such as rules of udev"
     if path == _MOUNTED_IN:
         return "host-path", "an engine with containerd's store mounts images there, as root, where links lead"
     return "host-path", ""

@@ -223,6 +223,14 @@ def test_what_does_as_root_tells_it_is_said_to_do_so() -> None:
     assert mount_kind("/run/dbus-1") == mount_kind("/srv/dbus") == ("host-path", "")
 
 
+@pytest.mark.parametrize("path", ["/run/udev", "/var/run/udev/rules.d", "/run//cdi/", "/var/spool", "/run/wireguard"])
+def test_where_root_takes_what_it_runs_from_is_said(path: str) -> None:
+    """`/run/udev` is mounted by many for cameras; udev starts what a rule there names, as root."""
+    kind, why = mount_kind(path)
+    assert kind == "host-path" and "root runs or believes" in why
+    assert mount_kind("/run/udevil") == mount_kind("/srv/udev") == ("host-path", "")
+
+
 def test_what_is_grave_as_it_is_written_was_asked_for_as_that() -> None:
     assert links_refused(["/", "/var/run/docker.sock", "/proc"]) == ""
     assert mount_kind("/var/run/docker.sock")[0] == GRAVE
