@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterator, Mapping
 
 from srprov.codes import Code
 from srprov.controller.data import DataNow, roaming, used
-from srprov.controller.owners import Owner, keep
+from srprov.controller.owners import Owner, every_owner, keep
 from srprov.definitions.model import Experiment
 from srprov.errors import RefusedError
 from srprov.facts.model import Snapshot
@@ -99,6 +99,32 @@ def check_saved(plan: Plan, wants: Collection[Resource], snapshot: Snapshot, own
             strange[source] = item
     hint = "a plan that was written here may use what was made here: plan the EDF here, if need be with --adopt"
     refuse_strange([(robot, item) for (robot, _), item in strange.items()], hint)
+
+
+def refuse_labels(wants: Collection[Resource], *, trusted: bool) -> None:
+    """Refuse a plan that was not written here, and says whose its volumes are.
+
+    A label is no secret: it stands in every plan that was handed on, and on the robot. Whose it is can be told only by
+    has the token: one of an owner here is always refused, any other one unless the user trusts the plan's author.
+
+    Raises:
+        RefusedError: Names the volumes.
+    """
+    made = [
+        (want.host, Observed(module=want.module, name=want.name, instance="", state={"owner": label, "created": ""}))
+        for want in wants
+        if MODULES[want.module].holds_data and (label := want.params.owner)
+    ]
+    owners = every_owner() if made else ()
+    ours = [one for one in made if any(owner.knows(*one) for owner in owners)]
+    if strange := ours or ([] if trusted else made):
+        hint = "plan its EDF here" + ("" if ours else "; or let it make them by --adopt, or by --signers FILE")
+        raise RefusedError(
+            "only this plan, which was not written here, says who made these volumes: "
+            + ", ".join(sorted(f"{item.name} on {robot}" for robot, item in strange)),
+            hint=hint,
+            code=Code.STRANGE_PLAN,
+        )
 
 
 def _may_use(owner: Owner, robot: str, item: Observed) -> bool:

@@ -89,9 +89,13 @@ def read_owner(instance: str, edf: str) -> Owner:
 
 def owners_of(instance: str, source: str) -> tuple[Owner, ...]:
     """Return all owners that this controller knows for an instance and a source, for a plan from a file."""
+    return tuple(owner for owner in every_owner() if (owner.instance, owner.source) == (instance, source))
+
+
+def every_owner() -> tuple[Owner, ...]:
+    """Return all owners that this controller knows."""
     files = sorted(owners_folder().glob("*.json"))
-    every = [owner for file in files if (owner := _read(file))]
-    return tuple(owner for owner in every if (owner.instance, owner.source) == (instance, source))
+    return tuple(owner for file in files if (owner := _read(file)))
 
 
 def keep(owner: Owner) -> None:

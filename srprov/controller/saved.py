@@ -14,7 +14,7 @@ import srprov
 from srprov.codes import Code
 from srprov.controller import authority
 from srprov.controller.authority import check_copies, check_underlay, services_of, wants_of
-from srprov.controller.data_owner import check_saved, remember_owner
+from srprov.controller.data_owner import check_saved, refuse_labels, remember_owner
 from srprov.controller.data_sets import refuse_files
 from srprov.controller.fleet import Fleet
 from srprov.controller.image_builders import BUILDERS, counted
@@ -132,6 +132,7 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
             builders, tags = fleet.inventory.groups.get(BUILDERS, ()), {want.name for want in wants}
             check_copies(saved, counted(known_images(), tags, builders, snapshot, look.identity), snapshot.facts)
             refuse_files(wants)
+            refuse_labels(wants, trusted=adopt or signed)
             check_underlay(saved, {facts.underlay_address for facts in snapshot.facts.values()})
             if not adopt and not signed:
                 check_claim(saved, snapshot)

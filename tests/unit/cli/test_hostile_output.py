@@ -216,5 +216,6 @@ def test_a_note_of_a_plan_file_begins_no_line_beside_the_json(
     made = json.loads((tmp_path / "p.json").read_text())
     (tmp_path / "p.json").write_text(json.dumps({**made, "notes": [FORGED]}, indent=2) + "\n")
     monkeypatch.setenv("NOT_SET", "a value")  # it was taken out when it was read
-    run(["apply", "p.json", "-i", "inv.yml", "--allow", "all", "--yes", "--json"])
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "elsewhere"))  # here it would make a volume in one's own name
+    run(["apply", "p.json", "-i", "inv.yml", "--allow", "all", "--yes", "--json", "--adopt"])
     assert told_in_lines(capsys) == []

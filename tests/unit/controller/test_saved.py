@@ -9,10 +9,11 @@ import pytest
 from msgspec.structs import replace
 
 from srprov.controller.authority import check_file, wants_of
-from srprov.controller.owners import owners_folder, read_owner
+from srprov.controller.owners import Owner, keep, owners_folder, read_owner
 from srprov.controller.plan import Planned
 from srprov.controller.request import PlanRequest
 from srprov.controller.saved import check_plan, kept_plan
+from srprov.definitions.containermodel import Mount
 from srprov.definitions.model import Definitions
 from srprov.errors import RefusedError, StalePlan, UsageError
 from srprov.planning.planfile import PlanFile, dump
@@ -137,6 +138,25 @@ def test_a_plan_from_elsewhere_changes_no_instance_that_was_made_here(world: Wor
         twin.unlink()
     with pytest.raises(RefusedError, match=r"not written on this controller.* on r1, r2, r3"):
         check_plan(saved, fleet(world))
+
+
+def test_a_plan_from_elsewhere_does_not_say_who_made_a_volume(world: World) -> None:
+    """Whoever read a plan, or looked on the robot, knows the label: the user's next apply would run what lies there."""
+    mount = Mount(kind="volume", source="log", target="/l")
+    saved = reread(planned(world, experiment(service("x", robot="r4", mounts=(mount,)), name="fleet")))
+    check_plan(saved, fleet(world))
+    for trust in ({}, {"adopt": True}, {"signed": True}):
+        with pytest.raises(RefusedError, match=r"who made these volumes: srprov\.fleet\.log on r4"):
+            check_plan(replace(saved, proof=""), fleet(world), **trust)
+    for owner in owners_folder().iterdir():
+        owner.unlink()
+    with pytest.raises(RefusedError, match="who made these volumes"):
+        check_plan(saved, fleet(world))  # of somebody else, whose next apply on these robots would run it
+    check_plan(saved, fleet(world), signed=True)
+    taken = next(want.params.owner for want in wants_of(saved) if want.module == "volume")
+    keep(Owner(instance="fleet", edf="/e/y.edf", token="0123", adopted=frozenset({f"r4/srprov.fleet.log/{taken}"})))
+    with pytest.raises(RefusedError, match="who made these volumes"):
+        check_plan(saved, fleet(world), signed=True)
 
 
 def test_a_plan_file_changes_no_overlay_of_an_instance_whose_links_have_the_same_names(world: World) -> None:
