@@ -31,7 +31,7 @@ QUICK = RunOptions(settle_s=0.0, wait_timeout_s=5.0)
 
 def service(name: str, **fields: Any) -> Service:
     """Return a service; run-time fields such as `command` or `job` may stand beside its own."""
-    own = {"cost", "requires", "network", "depends_on", "robot", "image", "profiles"}
+    own = {"cost", "requires", "network", "depends_on", "robot", "image", "profiles", "secrets"}
     run = {key: value for key, value in fields.items() if key not in own}
     mine = {key: value for key, value in fields.items() if key in own}
     mine["depends_on"] = MappingProxyType(dict(mine.get("depends_on", {})))

@@ -15,7 +15,7 @@ from srprov.codes import Code
 from srprov.controller.overlay_claim import open_links, vteps_of, wrong_link
 from srprov.controller.placement_claim import PlacementClaim
 from srprov.controller.robot_files import is_record_path
-from srprov.controller.stated import pulled_for_nobody, unstated
+from srprov.controller.stated import pulled_for_nobody, sent_for_nobody, unstated
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.dockerfile import fetches, images_of, unclear
 from srprov.definitions.model import Experiment, NetworkSettings, Service
@@ -61,15 +61,15 @@ def asked(saved: PlanFile) -> tuple[Permission, ...]:
     plan = saved.plan
     steps = [step.want for step in plan.steps if step.want]
     builds = _builds(saved)
-    services = [_of_edf(one, builds) for _, one in services_of(saved)]
-    services += pulled_for_nobody(wants_of(saved), services)
+    placed = [(want.host, _of_edf(one, builds)) for want, one in services_of(saved)]
+    services = [*(one for _, one in placed), *pulled_for_nobody(wants_of(saved), placed)]
     used = {use.source for service in services for use in service.secrets}
     sources = {name: SecretSource(name=name) for name in used | names_of(steps)}
     sources |= {source.name: source for source in plan.secrets}
     by_place = {str(place): service for place, service in enumerate(services)}
     whole = Experiment(name=plan.instance, file="", folder="", services=by_place, secrets=sources)
     reach = [one for network in _networks(saved) for one in permissions(replace(whole, services={}, network=network))]
-    unused = sorted(names_of(steps) - used)
+    unused = sent_for_nobody(steps, placed)
     names = _names(saved)
     contexts = {tag: saved.contexts[tag] for tag in builds.keys() & {service.cdf for service in services}}
     built = {(one.host, one.name) for one in steps if one.module == "image" and one.params.source == "build"}

@@ -27,6 +27,8 @@ from srprov.planning.policy import KINDS, Permission, of_image
 
 Policies = tuple[LabPolicy, ...]
 NAME = "policy.yml"
+_IN_IMAGES = ("outside", "env", "git")
+"""What goes into an image is sent to the robot that builds it."""
 
 
 class _Amount(msgspec.Struct, frozen=True):
@@ -142,9 +144,18 @@ def _robots(plan: Plan, permission: Permission, inventory: Inventory) -> list[st
     A playbook may have the name of a service, and states what it likes on any robot.
     """
     if permission.kind != "playbook" and permission.service in plan.assignment:
-        return [plan.assignment[permission.service]]
+        builders = _builders(plan, permission.service) if permission.kind in _IN_IMAGES else set()
+        return sorted({plan.assignment[permission.service], *builders})
     everywhere = {*plan.assignment.values(), *(step.host for step in plan.steps)}
     return sorted(everywhere or inventory.hosts)
+
+
+def _builders(plan: Plan, service: str) -> set[str]:
+    """Return the robots that build a service's image, and all that build where a plan does not say which it has."""
+    wants = [step.want for step in plan.steps if step.want]
+    images = {one.params.image for one in wants if one.service == service and isinstance(one.params, ContainerParams)}
+    builds = [one for one in wants if isinstance(one.params, ImageParams) and one.params.source == "build"]
+    return {one.host for one in builds if not images or one.name in images}
 
 
 def _too_much(step: Step, policy: LabPolicy) -> Iterator[tuple[int, str]]:

@@ -8,6 +8,7 @@ from srprov.definitions.model import Service
 from srprov.modules.container_form import stands_on
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.image import ImageParams
+from srprov.modules.secret import SecretParams
 from srprov.resource import Condition, Resource, resource_id
 
 
@@ -26,11 +27,19 @@ def unstated(wants: Collection[Resource]) -> Iterator[Resource]:
                 yield one
 
 
-def pulled_for_nobody(wants: Collection[Resource], services: Collection[Service]) -> Iterator[Service]:
-    """Yield a service for each image that is pulled and that no container of the plan runs: to pull it is to ask.
+def pulled_for_nobody(wants: Collection[Resource], placed: Collection[tuple[str, Service]]) -> Iterator[Service]:
+    """Yield a service for each image that is pulled where no container of the plan runs it: to pull it is to ask.
 
     The robot's engine asks whom the name says; and who pulls an image under the tag of a build gives it to its service.
+    `placed` are robots and what runs there.
     """
-    pulled = {one.name for one in wants if isinstance(one.params, ImageParams) and one.params.source == "pull"}
-    for name in sorted(pulled - {one.image for one in services}):
+    images = (one for one in wants if isinstance(one.params, ImageParams) and one.params.source == "pull")
+    pulled = {(one.host, one.name) for one in images} - {(robot, one.image) for robot, one in placed}
+    for name in sorted({name for _, name in pulled}):
         yield Service(name="other images", image=name)
+
+
+def sent_for_nobody(wants: Collection[Resource], placed: Collection[tuple[str, Service]]) -> list[str]:
+    """Return the secrets that go to a robot where no container of the plan has them."""
+    sent = {(one.host, one.params.name) for one in wants if isinstance(one.params, SecretParams)}
+    return sorted({name for _, name in sent - {(robot, use.source) for robot, one in placed for use in one.secrets}})

@@ -11,7 +11,8 @@ from srprov.controller.labpolicy import enforce
 from srprov.controller.permissions import may_trigger
 from srprov.images.context import context_tar
 from srprov.modules.image import ImageParams
-from srprov.planning.plan import Plan
+from srprov.planning.plan import Plan, Step
+from srprov.planning.policy import Permission
 from srprov.resource import Resource
 from tests.unit.controller.test_labpolicy import ARMS, plan, policies, refused
 
@@ -54,3 +55,23 @@ def test_what_a_base_brings_runs_only_where_a_policy_allows_it(tmp_path: Path) -
     assert may_trigger(both, ARMS, policies(tmp_path, "limits: {pids: {max: 9}}\n", "")) == {"r1", "r2"}
     strict = policies(tmp_path, "allow:\n  arms: [all]\n", "allow: {all: [built-image]}\n")
     assert may_trigger(both, ARMS, strict) == set()
+
+
+@pytest.mark.parametrize("kind", ["outside", "env", "git"])
+def test_what_goes_into_an_image_is_allowed_on_the_robot_that_builds(tmp_path: Path, kind: str) -> None:
+    """`a` runs on r1, and the files of its image are sent to r2: not where another service's image is built there."""
+    asks = Permission(kind=kind, service="a", what="/home/me/notes")
+    given = policies(tmp_path, f"allow:\n  all: []\n  arms: [{kind}]\n")
+    made = plan()
+    runs = next(step for step in made.steps if step.module == "container")
+    assert runs.want
+    built = replace(runs, want=replace(runs.want, params=replace(runs.want.params, image="srprov/x:1")))
+
+    def on(robot: str, *more: Step) -> Plan:
+        build = built_on(robot, "FROM debian\n")
+        return replace(build, permissions=(asks,), steps=(*build.steps, *more))
+
+    assert f"does not allow {kind} on r2" in refused(on("r2", built), given)
+    assert f"does not allow {kind} on r2" in refused(on("r2"), given)
+    for fine in (on("r1", built), on("r2", runs)):
+        enforce(fine, ARMS, given)
