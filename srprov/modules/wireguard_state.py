@@ -58,10 +58,10 @@ def check_addresses(parameter: str, *addresses: str) -> None:
     """Refuse (ParameterError) what is no IPv4 address in its plain form."""
     for one in addresses:
         try:
-            plain = str(IPv4Address(one))
+            plain = one != "" and str(IPv4Address(one)) == one
         except ValueError:
-            plain = ""
-        if plain != one:
+            plain = False
+        if not plain:
             raise ParameterError(parameter, f"'{one}' is no IPv4 address")
 
 

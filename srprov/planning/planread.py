@@ -118,6 +118,8 @@ def _plan_file(read: Document) -> PlanFile:
 
 
 def _secret(name: str, read: SecretKeys) -> SecretSource:
+    if not (read.env or read.file or read.command):
+        raise ValueError(f"the secret {name[:60]!r} comes from nowhere")
     return SecretSource(
         name=name, env=read.env, file=read.file, command=read.command, folder=read.folder, location=Location(*read.at)
     )

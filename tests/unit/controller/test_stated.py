@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from msgspec.structs import replace
 
 from srprov.controller.authority import asked, wants_of
@@ -9,6 +10,12 @@ from srprov.controller.request import PlanRequest
 from srprov.controller.saved import plan_file
 from srprov.definitions.model import Definitions
 from srprov.definitions.secretmodel import SecretSource, SecretUse
+from srprov.errors import UsageError
+from srprov.modules.params import ParameterError
+from srprov.modules.wireguard_state import check_addresses
+from srprov.planning.plan import Plan
+from srprov.planning.planfile import PlanFile, dump
+from srprov.planning.planread import load
 from srprov.secret import Secret, Vault
 from tests.fakes import World
 from tests.worlds import experiment, made, service
@@ -31,3 +38,12 @@ def test_what_a_plan_file_has_on_a_robot_for_nobody_there_is_asked_for_as_such()
         there = replace(saved.plan.steps[0], want=replace(one, host="r1"), host="r1", module=one.module, name=one.name)
         tampered = replace(saved, plan=replace(saved.plan, steps=(*saved.plan.steps, there)))
         assert {said.service for said in asked(tampered)} == {"x", word}
+
+
+def test_what_comes_from_nowhere_or_goes_nowhere_is_refused_when_a_plan_file_is_read() -> None:
+    """Each was a traceback: of a secret after the question was answered."""
+    plan = Plan(instance="x", source="s", steps=(), secrets=(SecretSource(name="token"),))
+    with pytest.raises(UsageError, match="'token' comes from nowhere"):
+        load(dump(PlanFile(plan=plan, fingerprints={})), "plan.json")
+    with pytest.raises(ParameterError, match="'' is no IPv4 address"):
+        check_addresses("to", "10.0.0.1", "")
