@@ -105,7 +105,7 @@ def refuse_labels(wants: Collection[Resource], *, trusted: bool) -> None:
     """Refuse a plan that was not written here, and says whose its volumes are.
 
     A label is no secret: it stands in every plan that was handed on, and on the robot. Whose it is can be told only by
-    has the token: one of an owner here is always refused, any other one unless the user trusts the plan's author.
+    who has the token: one of an owner here is always refused, any other one unless the user trusts the plan's author.
 
     Raises:
         RefusedError: Names the volumes.
