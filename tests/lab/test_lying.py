@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -37,8 +38,9 @@ while True:
         threading.Thread(target=pump, args=ends, daemon=True).start()
 """
 """Between a robot's engine and whoever asks it: its images are for another architecture than they are."""
-OTHER_KIND = """\
-printf 'FROM busybox\\nRUN echo robot1 >/not-yours\\n' | docker build -q -t busybox:latest - &&
+OWN_BASE = "printf 'FROM busybox\\nRUN echo robot1 >/not-yours\\n' | docker build -q -t busybox:latest -"
+OTHER_KIND = f"""\
+{OWN_BASE} &&
 echo aarch64 >/tmp/arch && mount --bind /tmp/arch /proc/sys/kernel/arch
 setsid python3 -c "$0" >/dev/null 2>&1 & echo $! >/tmp/proxy
 while [ ! -S /var/run/docker-real.sock ] || ! docker version >/dev/null 2>&1; do sleep 0.1; done
@@ -152,65 +154,57 @@ def test_an_image_is_copied_only_from_where_it_was_built_and_without_what_lies_b
     assert lab.srprov("destroy", str(path), "-i", inventory, "--yes", env=home).code == 0
 
 
-def test_a_robot_that_was_of_another_architecture_builds_for_no_builder(lab_of_module: Lab, tmp_path: Path) -> None:
-    """It said so while it built an image for itself, on a base of its own making; the inventory has another builder."""
-    lab, path, home = lab_of_module, tmp_path / "kinds.edf", {"XDG_STATE_HOME": str(tmp_path / "state")}
-    (tmp_path / "x.cdf").write_text("cdf: 1\nname: kinds\nbase: busybox\ncommand: [sleep, '86400']\n", encoding="utf-8")
-    inventory = part_of_lab(lab, ["robot1", "robot2"], tmp_path / "lab.yml")
-    builders = tmp_path / "builders.yml"
-    builders.write_text("builders: {hosts: {robot2: {}}}\n", encoding="utf-8")
+class OwnBase:
+    """robot1 builds on a base of its own making; then the service moves to robot2, the builder of the inventory."""
 
-    def on(robot: str, *words: str) -> Done:
-        path.write_text(
-            edf("kinds", {"one": {"cdf": "x.cdf", "robot": robot, "stop_signal": "SIGKILL"}}), encoding="utf-8"
-        )
-        where = ["-i", inventory, "-i", str(builders)]
-        return lab.srprov("apply", str(path), *where, "--yes", "--settle", "0", "--no-probe", *words, env=home)
+    def __init__(self, lab: Lab, folder: Path) -> None:
+        self.lab, self.path, self.home = lab, folder / "kinds.edf", {"XDG_STATE_HOME": str(folder / "state")}
+        cdf = "cdf: 1\nname: kinds\nbase: busybox\ncommand: [sleep, '86400']\n"
+        (folder / "x.cdf").write_text(cdf, encoding="utf-8")
+        self.alone = part_of_lab(lab, ["robot1"], folder / "alone.yml")
+        self.both = part_of_lab(lab, ["robot1", "robot2"], folder / "lab.yml")
+        self.builders = str(folder / "builders.yml")
+        Path(self.builders).write_text("builders: {hosts: {robot2: {}}}\n", encoding="utf-8")
 
-    real = lab.shell(
-        "robot1", "sh", "-c", "docker pull -q busybox >/dev/null && docker images -q busybox:latest"
-    ).out.strip()
-    lab.shell("robot1", "sh", "-c", OTHER_KIND, PROXY)
-    try:
-        applied = on("robot1")
-    finally:
-        lab.shell("robot1", "sh", "-c", SAME_KIND)
-    try:
-        assert applied.code == 0 and lab.shell("robot1", "docker", "exec", "srprov.kinds.one", "ls", "/not-yours").out
-        moved = on("robot2", "--reassign")
-        assert moved.code == 0 and "copied from" not in moved.out, moved
-        assert lab.shell("robot2", "docker", "exec", "srprov.kinds.one", "ls", "/not-yours", check=False).code != 0
-    finally:
-        lab.shell("robot1", "docker", "tag", real, "busybox:latest")
-    assert lab.srprov("destroy", str(path), "-i", inventory, "--yes", env=home).code == 0
-
-
-def test_a_robot_that_built_for_itself_alone_builds_for_no_builder(lab_of_module: Lab, tmp_path: Path) -> None:
-    """Its own inventory named no builder, and its base was of its own making; the laboratory's names another robot."""
-    lab, path, home = lab_of_module, tmp_path / "alone.edf", {"XDG_STATE_HOME": str(tmp_path / "state")}
-    (tmp_path / "x.cdf").write_text("cdf: 1\nname: alone\nbase: busybox\ncommand: [sleep, '86400']\n", encoding="utf-8")
-    alone = part_of_lab(lab, ["robot1"], tmp_path / "alone.yml")
-    both = part_of_lab(lab, ["robot1", "robot2"], tmp_path / "lab.yml")
-    builders = tmp_path / "builders.yml"
-    builders.write_text("builders: {hosts: {robot2: {}}}\n", encoding="utf-8")
-
-    def on(robot: str, *words: str) -> Done:
+    def on(self, robot: str, *words: str) -> Done:
         service = {"cdf": "x.cdf", "robot": robot, "stop_signal": "SIGKILL"}
-        path.write_text(edf("alone", {"one": service}), encoding="utf-8")
-        return lab.srprov("apply", str(path), "--yes", "--settle", "0", "--no-probe", *words, env=home)
+        self.path.write_text(edf("kinds", {"one": service}), encoding="utf-8")
+        more = ("--yes", "--settle", "0", "--no-probe", *words)
+        return self.lab.srprov("apply", str(self.path), *more, env=self.home)
 
-    real = lab.shell(
-        "robot1", "sh", "-c", "docker pull -q busybox >/dev/null && docker images -q busybox:latest"
-    ).out.strip()
-    lab.shell(
-        "robot1", "sh", "-c", "printf 'FROM busybox\nRUN echo >/not-yours\n' | docker build -q -t busybox:latest -"
-    )
-    try:
-        assert on("robot1", "-i", alone).code == 0
-        assert lab.shell("robot1", "docker", "exec", "srprov.alone.one", "ls", "/not-yours").out
-        moved = on("robot2", "-i", both, "-i", str(builders), "--reassign")
+    def check(self, applied: Done) -> None:
+        """Look at both robots, once robot1 has built."""
+        content = ("docker", "exec", "srprov.kinds.one", "ls", "/not-yours")
+        assert applied.code == 0 and self.lab.shell("robot1", *content).out
+        moved = self.on("robot2", "-i", self.both, "-i", self.builders, "--reassign")
         assert moved.code == 0 and "copied from" not in moved.out, moved
-        assert lab.shell("robot2", "docker", "exec", "srprov.alone.one", "ls", "/not-yours", check=False).code != 0
+        assert self.lab.shell("robot2", *content, check=False).code != 0
+        assert self.lab.srprov("destroy", str(self.path), "-i", self.both, "--yes", env=self.home).code == 0
+
+
+@pytest.fixture
+def own_base(lab_of_module: Lab, tmp_path: Path) -> Iterator[OwnBase]:
+    """Give what builds; afterwards robot1 has its registry's base again, and neither robot an image of the test."""
+    pulled = "docker pull -q busybox >/dev/null && docker images -q busybox:latest"
+    real = lab_of_module.shell("robot1", "sh", "-c", pulled).out.strip()
+    yield OwnBase(lab_of_module, tmp_path)
+    lab_of_module.shell("robot1", "docker", "tag", real, "busybox:latest")
+    gone = 'i=$(docker images -q srprov/kinds); [ -z "$i" ] || docker rmi -f $i; docker image prune -f'
+    for robot in ("robot1", "robot2"):
+        lab_of_module.shell(robot, "sh", "-c", gone)
+
+
+def test_a_robot_that_was_of_another_architecture_builds_for_no_builder(lab_of_module: Lab, own_base: OwnBase) -> None:
+    """It said so while it built an image for itself, on a base of its own making; the inventory has another builder."""
+    lab_of_module.shell("robot1", "sh", "-c", OTHER_KIND, PROXY)
+    try:
+        applied = own_base.on("robot1", "-i", own_base.both, "-i", own_base.builders)
     finally:
-        lab.shell("robot1", "docker", "tag", real, "busybox:latest")
-    assert lab.srprov("destroy", str(path), "-i", both, "--yes", env=home).code == 0
+        lab_of_module.shell("robot1", "sh", "-c", SAME_KIND)
+    own_base.check(applied)
+
+
+def test_a_robot_that_built_for_itself_alone_builds_for_no_builder(lab_of_module: Lab, own_base: OwnBase) -> None:
+    """Its own inventory named no builder, and its base was of its own making; the laboratory's names another robot."""
+    lab_of_module.shell("robot1", "sh", "-c", OWN_BASE)
+    own_base.check(own_base.on("robot1", "-i", own_base.alone))
