@@ -15,9 +15,9 @@ from srprov.codes import Code
 from srprov.controller.overlay_claim import open_links, vteps_of, wrong_link
 from srprov.controller.placement_claim import PlacementClaim
 from srprov.controller.robot_files import is_record_path
-from srprov.controller.stated import pulled_for_nobody, sent_for_nobody, unstated
+from srprov.controller.stated import definition_of, pulled_for_nobody, sent_for_nobody, unstated
 from srprov.definitions.containermodel import ContainerDefinition
-from srprov.definitions.dockerfile import fetches, images_of, unclear
+from srprov.definitions.dockerfile import unclear
 from srprov.definitions.model import Experiment, NetworkSettings, Service
 from srprov.definitions.secretmodel import SecretSource
 from srprov.errors import RefusedError, UsageError
@@ -139,9 +139,7 @@ def _builds(saved: PlanFile) -> dict[str, ContainerDefinition]:
     for name, context in saved.contexts.items():
         tag, text = read_context(context)
         if tag and unclear(text) is None and name.startswith("srprov/") and name.rpartition(":")[2] == tag:
-            found[name] = ContainerDefinition(
-                name=name, file="", folder="", images=images_of(text), fetches=fetches(text)
-            )
+            found[name] = definition_of(name, text)
     return found
 
 

@@ -16,6 +16,11 @@ BUILDERS = "builders"
 """The group of an inventory whose hosts build images."""
 
 
+def alike(snapshot: Snapshot, arch: str) -> set[str]:
+    """Return the robots in reach of an architecture that have an engine: each could build for the others."""
+    return {name for name, one in snapshot.facts.items() if one.arch == arch and one.docker is not None}
+
+
 def counted(
     known: Mapping[str, Collection[str]], tags: Collection[str], builders: Collection[str], snapshot: Snapshot,
     identity: Callable[[str], str],
@@ -34,9 +39,9 @@ def counted(
     # for a plan file its own robots alone are asked
     unasked = {*builders} - snapshot.facts.keys() - snapshot.unreachable.keys()
     for arch in sorted({one.arch for one in snapshot.facts.values()}):
-        alike = {name for name, one in snapshot.facts.items() if one.arch == arch and one.docker is not None}
-        named = alike.intersection(builders)
-        here = named if named or unasked else alike
+        every = alike(snapshot, arch)
+        named = every.intersection(builders)
+        here = named if named or unasked else every
         away = snapshot.unreachable.keys() & (builders if named or unasked else snapshot.unreachable)
         for key in (built_for(tag, arch) for tag in tags):
             built = (entry.partition(" ")[::2] for entry in known.get(key, ()))

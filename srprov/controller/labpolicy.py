@@ -6,6 +6,7 @@ all policies allow. Everything is looked at in the plan itself, so a plan from a
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -14,8 +15,9 @@ from msgspec.structs import replace
 
 from srprov.codes import Code
 from srprov.controller.request import BUNDLED
-from srprov.definitions.containermodel import ContainerDefinition, Runtime
-from srprov.definitions.dockerfile import fetches, images_of, unclear
+from srprov.controller.stated import definition_of
+from srprov.definitions.containermodel import Runtime
+from srprov.definitions.dockerfile import images_of, unclear
 from srprov.definitions.labpolicy import LabPolicy, load
 from srprov.definitions.model import Definitions, Inventory, Service
 from srprov.errors import RefusedError
@@ -131,8 +133,7 @@ def _built_there(step: Step, policy: LabPolicy, inventory: Inventory) -> Iterato
     params = step.want.params if step.want else None
     if policy.kinds is None or not isinstance(params, ImageParams) or params.source != "build":
         return
-    text = _dockerfile(params.blob or b"")
-    cdf = ContainerDefinition(name=step.name, file="", folder="", images=images_of(text), fetches=fetches(text))
+    cdf = definition_of(step.name, _dockerfile(params.blob or b""))
     for asked in of_image(Service(name=step.name, cdf=step.name), {step.name: cdf}):
         if not allows(policy, asked.kind, step.host, inventory):
             yield policy.kinds_line, f"{asked.kind} on {step.host}, which builds {step.name} ({asked.what})"
@@ -193,6 +194,7 @@ def _images(step: Step) -> Iterable[str]:
     return (step.name,) if params.source in ("pull", "cache") else images_of(_dockerfile(params.blob or b""))
 
 
+@functools.lru_cache(maxsize=64)  # each policy asks for it twice, and a context may be large
 def _dockerfile(context: bytes) -> str:
     """Return the Dockerfile of a build's context; a variable for one that srprov did not write: nothing passes."""
     from srprov.images.tag import read_context  # not needed where nothing is built

@@ -15,7 +15,7 @@ from srprov.errors import RefusedError
 from srprov.facts.model import Snapshot
 from srprov.modules import RUNNING
 from srprov.network.belief import Belief, believe
-from srprov.network.identity import link_names, tunnel_name
+from srprov.network.identity import link_names, tunnel_links
 from srprov.network.record import read_record
 from srprov.record.memory import digest, recall
 from srprov.resource import Observed
@@ -141,7 +141,7 @@ def owned(snapshot: Snapshot, instance: str) -> Mapping[str, tuple[Observed, ...
 
     So is a link with its name and no alias yet. What a build left is whoever's who comes next: he has the robot's lock.
     """
-    names, tunnels = link_names(instance), [tunnel_name(instance) + letter for letter in "ab"]
+    names, tunnels = link_names(instance), tunnel_links(instance)
 
     def claimed(item: Observed) -> Observed:
         half_made = item.name in names or (item.name in tunnels and item.state.get("inside") is False)

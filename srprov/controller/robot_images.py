@@ -6,6 +6,7 @@ import hashlib
 from typing import Any
 
 from srprov.codes import Code
+from srprov.controller.image_builders import alike
 from srprov.controller.render_inputs import RenderInputs
 from srprov.definitions.model import Service
 from srprov.errors import UsageError
@@ -55,12 +56,12 @@ def robot_images(inputs: RenderInputs, blobs: dict[str, bytes]) -> dict[str, lis
         if image not in plans:
             wanted.setdefault(host, {})[image] = {"name": image, "source": "pull", "needs": []}
             continue
-        alike = _alike(inputs, facts)
+        possible = _alike(inputs, facts)
         if (host, image) in present:
             wanted.setdefault(host, {}).setdefault(image, _copied(inputs, image, host, host))
             continue
-        holder = next((h for h in alike if (h, image) in trusted), None)
-        builder = holder or next(h for h in alike if (h, image) not in present)
+        holder = next((h for h in possible if (h, image) in trusted), None)
+        builder = holder or next(h for h in possible if (h, image) not in present)
         if holder is None:
             plan = plans[image]
             digest = hashlib.sha256(plan.context).hexdigest()
@@ -109,8 +110,7 @@ def _cached(inputs: RenderInputs, image: str, id_: str, host: str) -> dict[str, 
 
 def _alike(inputs: RenderInputs, facts: HostFacts) -> list[str]:
     """Return the reachable robots of the same architecture with an engine: builders first, then in name order."""
-    alike = (h for h, other in inputs.snapshot.facts.items() if other.arch == facts.arch and other.docker is not None)
-    return sorted(alike, key=lambda host: (host not in inputs.builders, host))
+    return sorted(alike(inputs.snapshot, facts.arch), key=lambda host: (host not in inputs.builders, host))
 
 
 def check_never(inputs: RenderInputs) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 
+from srprov.definitions.containermodel import ContainerDefinition
+from srprov.definitions.dockerfile import fetches, images_of
 from srprov.definitions.model import Service
 from srprov.modules.container_form import stands_on
 from srprov.modules.container_params import ContainerParams
@@ -25,6 +27,12 @@ def unstated(wants: Collection[Resource]) -> Iterator[Resource]:
             needed = {need.id for need in one.needs if need.condition == Condition.PRESENT.value}
             if not mounted <= stated & needed:
                 yield one
+
+
+def definition_of(name: str, dockerfile: str) -> ContainerDefinition:
+    """Return a CDF as far as the Dockerfile of its image tells it: what its build takes and fetches."""
+    taken, fetched = images_of(dockerfile), fetches(dockerfile)
+    return ContainerDefinition(name=name, file="", folder="", images=taken, fetches=fetched)
 
 
 def pulled_for_nobody(wants: Collection[Resource], placed: Collection[tuple[str, Service]]) -> Iterator[Service]:

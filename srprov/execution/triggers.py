@@ -47,22 +47,21 @@ def refuse_triggers(build: EngineCall, session: Session, progress: Progress) -> 
         names = _bases(build.blob)
     except ValueError as error:
         return Reply(status=0, ok=False, err=f"the build's context is not such as srprov writes: {error}")
-    for name in names:  # all before any is looked at: what comes during the build may be part of what a name means
-        (reply,) = session.ask([_look(name)])
-        if not reply.ok and not (pulled := session.execute(_pull(name, build.timeout_s), progress)).ok:
+    looks = [EngineQuery(path=f"/images/{name}/json", params=(("manifests", "1"),)) for name in names]
+    replies = session.ask(looks) if looks else ()
+    missing = [name for name, reply in zip(names, replies, strict=True) if not reply.ok]
+    for name in missing:
+        if not (pulled := session.execute(_pull(name, build.timeout_s), progress)).ok:
             return pulled
-    for name, platforms in names.items():
-        (reply,) = session.ask([_look(name)])
+    if missing:  # all are looked at again: what was pulled for one may be part of what another one's name means
+        replies = session.ask(looks)
+    for (name, platforms), reply in zip(names.items(), replies, strict=True):
         answer = mapping(reply.json())
         if not reply.ok or not answer:
             return Reply(status=reply.status, ok=False, err=f"the base {name} cannot be looked at: {reply.err}")
         if why := _unasked(name, answer, platforms):
             return Reply(status=0, ok=False, err=f"{why}; {_TRUST}")
     return None
-
-
-def _look(name: str) -> EngineQuery:
-    return EngineQuery(path=f"/images/{name}/json", params=(("manifests", "1"),))
 
 
 def _unasked(name: str, answer: Mapping[str, Any], platforms: Collection[str] | None) -> str:

@@ -103,20 +103,25 @@ def parts_of(want: ContainerParams) -> dict[str, Any]:
 
 def differing(found: Mapping[str, str], want: ContainerParams) -> str:
     """Return in words in which parts a container differs from the wanted one; `found` is name -> short hash."""
-    wanted = parts_of(want)
-    names = sorted(one for one in {*found, *wanted} if not (one in wanted and is_part(found.get(one), wanted[one])))
-    if names == ["volumes"] and is_part(found.get("volumes"), _volumes_before(want)):
+    names = differing_parts(found, want)
+    if names == ["volumes"] and _is_part(found.get("volumes"), _volumes_before(want)):
         return "volumes differs (made by an older srprov; new by default: the robot's own names in /etc/hosts)"
     if not names:
         return "configuration differs"
     cause = f"{', '.join(names)} {'differs' if len(names) == 1 else 'differ'}"
-    if not found or "logging" in found or wanted["logging"] != LOGS_BY_DEFAULT:
+    if not found or "logging" in found or parts_of(want)["logging"] != LOGS_BY_DEFAULT:
         return cause
     new = [words for name, words in _NEW_DEFAULTS.items() if name in names]
     return f"{cause} (made by an older srprov; new by default: {', '.join(new)})"
 
 
-def is_part(told: object, value: object) -> bool:
+def differing_parts(found: Mapping[str, object], want: ContainerParams) -> list[str]:
+    """Return the names of the parts that differ; `found` is name -> hash, as a container has it."""
+    wanted = parts_of(want)
+    return sorted(one for one in {*found, *wanted} if not (one in wanted and _is_part(found.get(one), wanted[one])))
+
+
+def _is_part(told: object, value: object) -> bool:
     """Return whether a hash that a container has of a part is that of a value; it may be of an older version."""
     return isinstance(told, str) and len(told) in (PART_DIGITS, _OLD_DIGITS) and told == digest(value, len(told))
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from srprov.modules.container_body import PART_DIGITS, engine_body, is_part, parts_of
+from srprov.modules.container_body import PART_DIGITS, differing_parts, engine_body, parts_of
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.differences import bounded, compared
 from srprov.resource import Difference, State
@@ -76,10 +76,10 @@ def _brought(reply: Reply) -> Parts | None:
 
 def _differing_parts(want: ContainerParams, found: State) -> list[str]:
     """Return the parts whose hash is another one; all, of a container that has none, or the short ones of before."""
-    wanted, there = parts_of(want), mapping(found["parts"])
+    there = mapping(found["parts"])
     if not there or any(len(string(one)) < PART_DIGITS for one in there.values()):
-        return sorted({*wanted, *there})
-    return sorted(one for one in {*wanted, *there} if not (one in wanted and is_part(there.get(one), wanted[one])))
+        return sorted({*parts_of(want), *there})
+    return differing_parts(there, want)
 
 
 def _counts(part: str, field: str, value: str, new: Mapping[str, str], base: Mapping[str, str] | None) -> bool:

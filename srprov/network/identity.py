@@ -71,6 +71,11 @@ def tunnel_name(instance: str) -> str:
     return f"srpw{number('link', instance) >> 32:08x}"
 
 
+def tunnel_links(instance: str) -> tuple[str, str]:
+    """Return the names of its interfaces: one takes the place of the other when keys change."""
+    return f"{tunnel_name(instance)}a", f"{tunnel_name(instance)}b"
+
+
 def network_name(instance: str) -> str:
     """Return the name of an instance's Docker network."""
     return f"srprov.{instance}"
@@ -202,8 +207,7 @@ def check_names(instance: str, snapshot: Snapshot) -> None:
     Raises:
         UsageError: Names it.
     """
-    tunnel = tunnel_name(instance)
-    names = (*link_names(instance), tunnel, f"{tunnel}a", f"{tunnel}b")
+    names = (*link_names(instance), tunnel_name(instance), *tunnel_links(instance))
     for robot, facts in sorted(snapshot.facts.items()):
         for link in facts.links:
             if link.name in names and link.alias not in ("", _ALIAS + instance):

@@ -18,6 +18,7 @@ from collections.abc import Collection, Iterator
 from typing import Any
 
 from srprov.transport.tar_stream import TarError, TarStream
+from srprov.transport.tar_write import tar_file
 from srprov.untrusted import json_or_none, mapping, mappings, string
 
 _LIST = "manifest.json"
@@ -66,7 +67,7 @@ def only(chunks: Iterator[bytes], image: str, ids: Collection[str] = ()) -> Iter
     entry = _entry(listed, image, names - {_LIST, *_OTHER_LISTS})
     if ids and not any(_leads_to(one, small.get(entry["Config"], b""), small.values()) for one in ids):
         raise ForeignImage(f"it gives another image under {image} than the one that was built")
-    yield from _file(_LIST, json.dumps([entry]).encode())
+    yield from tar_file(_LIST, json.dumps([entry]).encode())
     yield b"\0" * 1024
 
 
@@ -139,10 +140,3 @@ def _entry(listed: bytes | None, image: str, names: set[str]) -> dict[str, Any]:
     if missing:
         raise ForeignImage(f"{str(missing[0])[:80]!r} is not in its archive")
     return entry
-
-
-def _file(name: str, content: bytes) -> Iterator[bytes]:
-    header = tarfile.TarInfo(name)
-    header.size = len(content)
-    yield header.tobuf(tarfile.PAX_FORMAT)
-    yield content + b"\0" * (-len(content) % 512)

@@ -27,13 +27,14 @@ class Robot:
         self.here, self.registry, self.pulled = here, registry, list[str]()
 
     def ask(self, queries: Sequence[AnyQuery]) -> Sequence[Reply]:
-        (query,) = queries
-        name = getattr(query, "path", "").removeprefix("/images/").removesuffix("/json")
+        return [self._told(getattr(one, "path", "").removeprefix("/images/").removesuffix("/json")) for one in queries]
+
+    def _told(self, name: str) -> Reply:
         if name not in self.here:
-            return [Reply(status=404, ok=False, err="No such image")]
+            return Reply(status=404, ok=False, err="No such image")
         about = {"Os": "linux", "Architecture": self.architecture, "Variant": self.variant}
         about |= {"Id": "x", "Config": {"OnBuild": self.here[name]}, **self.store}
-        return [Reply(status=200, out=json.dumps(about))]
+        return Reply(status=200, out=json.dumps(about))
 
     def execute(self, command: EngineCall, progress: Progress) -> Reply:
         params = dict(command.params)
