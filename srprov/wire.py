@@ -34,6 +34,11 @@ def quote(word: str) -> str:
     return shlex.quote(word)
 
 
+def printed(text: str) -> str:
+    """Return the command that prints text. No here-document: bash may keep one in a file below /tmp."""
+    return f"printf %s {quote(text)}"
+
+
 def sh(*words: str) -> str:
     """Return one shell command of quoted words: `sh("ip", "link", "show", name)`."""
     return " ".join(quote(word) for word in words)
@@ -99,7 +104,7 @@ class Put(msgspec.Struct, frozen=True, kw_only=True):
         return f"{how} {self.path} ({len(self.content)} bytes, mode {self.mode:04o}, sha256 {self.digest()[:12]})"
 
     def script(self, source: str = "") -> str:
-        """Return the shell script that does it: base64 inside a here-document, or from what `source` prints.
+        """Return the shell script that does it: by base64, of the content or of what `source` prints.
 
         Short text that everybody may read is written by the shell itself, which needs no process but `mv`.
         """
@@ -110,13 +115,9 @@ class Put(msgspec.Struct, frozen=True, kw_only=True):
         begin = f"umask 077; {{ [ -d {folder} ] || mkdir -p {folder}; }}"
         if not source and self._is_plain:
             new = f"{{ [ ! -e {partial} ] || rm -f {partial}; }} && umask 022"
-            return (
-                f"{begin} && {new} && printf %s {quote(self.content.decode())} > {partial} && mv -f {partial} {target}"
-            )
-        if source:
-            return f"{begin} && {source} | base64 -d > {partial} && {last}"
-        lines = base64.encodebytes(self.content).decode("ascii")
-        return f"{begin} && base64 -d > {partial} <<'_END_OF_FILE_' && {last}\n{lines}_END_OF_FILE_\n"
+            return f"{begin} && {new} && {printed(self.content.decode())} > {partial} && mv -f {partial} {target}"
+        source = source or printed(base64.encodebytes(self.content).decode("ascii"))
+        return f"{begin} && {source} | base64 -d > {partial} && {last}"
 
     @property
     def _is_plain(self) -> bool:

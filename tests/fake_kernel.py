@@ -84,9 +84,10 @@ class Kernel:
 
     def filter(self, script: str) -> bool:
         """Run a script of a filter, with an nft that works; return whether it was one."""
-        if not script.startswith(("if nft -f -", "nft -f -")):
+        given, piped, _ = script.partition("' | nft -f -")
+        if not piped:
             return False
-        text = script.partition("_END_OF_RULES_'")[2].partition("\n_END_OF_RULES_\n")[0]
+        text = given.partition("printf %s '")[2]
         (name,) = set(re.findall(r"delete table \w+ (\w+)", text))
         rules = [line.strip() for line in text.splitlines() if "comment" in line]
         self.filters.pop(name, None)
@@ -143,16 +144,13 @@ class Kernel:
     @staticmethod
     def calls(script: str) -> list[str]:
         """Return the calls of a script, those of a batch one by one."""
-        found: list[str] = []
-        program = ""
-        for line in script.splitlines():
-            if line.endswith(" -batch - <<'_END_OF_CALLS_' || exit"):
-                program = line.split()[0]
-            elif line == "_END_OF_CALLS_":
-                program = ""
-            else:
-                found.append(f"{program} {line}" if program else line.removesuffix(" || exit"))
-        return found
+        single = re.sub(
+            r"^printf %s '(.*?)' \| (\w+)[^\n]* -batch - \|\| exit$",
+            lambda batch: "\n".join(f"{batch[2]} {call}" for call in batch[1].splitlines()),
+            script,
+            flags=re.DOTALL | re.MULTILINE,
+        )
+        return [line.removesuffix(" || exit") for line in single.splitlines()]
 
     def run(self, line: str) -> str:
         """Run one call of a script; give what it complains, or nothing."""

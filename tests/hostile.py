@@ -10,7 +10,7 @@ CANARY = "srprov-canary"
 _T = f"touch {CANARY}"
 WORDS = (
     f"$({_T})", f"`{_T}`", f"; {_T}", f"\n{_T}\n", f"'; {_T}; '", f'"; {_T}; "', f"|{_T}", f"&& {_T} #", f">{CANARY}",
-    f"-oProxyCommand={_T}", f"${{x:-$({_T})}}", f"_END_OF_FILE_\n{_T}\n", f"\\'; {_T}", "it's", 'say "x"', "a\\", "\\n",
+    f"-oProxyCommand={_T}", f"${{x:-$({_T})}}", f"'\n{_T}\n", f"\\'; {_T}", "it's", 'say "x"', "a\\", "\\n",
     "{{7*7}}", "{{ 7*7 }}", "{% raw %}", "{% endraw %}", "{% for x in y %}", "{# gone #}", "{{ ''.__class__ }}",
     "-rf", "--help", "*", "?", "[a-z]", "~", "$HOME", "!!", "#no", "a b", " lead", "trail ", "\ttab", "a\rb", "a\nb",
     "", "%{HOME}", "!!python/object:os.system", "&a", "*a", "- x", "a: b", "null", "0x10", "1e3", "yes", "@file",

@@ -7,6 +7,7 @@ somebody else's.
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Mapping
 
 from tests.test_rooms import name_of, sources
@@ -16,6 +17,8 @@ NO_FILES = frozenset(
     {"tarfile.open", "loader.read_text", "regular_file.read_text", "os.open", "io.open", "opener.open"}
 )
 """Attributes that are called like those of a Path; `os.open` and `io.open` are told by their own names."""
+
+HERE_DOCUMENT = re.compile(r"<<-?[ \t]*(?:['\"\\]?[A-Za-z_]|\{)")
 
 OWN: Mapping[str, str] = {
     "regular_file.py": "this is where files are read",
@@ -113,3 +116,14 @@ def test_the_checker_sees_each_way_to_read() -> None:
 def test_no_script_has_root_make_a_file_where_others_on_a_robot_write() -> None:
     """A container may mount the robot's /tmp, and put a link in the place of what mktemp made there."""
     assert [path for path, source in sources().items() if "$(mktemp" in source] == []
+
+
+def test_no_script_has_a_here_document() -> None:
+    """A shell may keep it in a file in /tmp, and open that by its name; bash does."""
+    found = [
+        f"{path}:{node.lineno}"
+        for path, source in sources().items()
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.JoinedStr | ast.Constant) and HERE_DOCUMENT.search(ast.unparse(node))
+    ]
+    assert found == []

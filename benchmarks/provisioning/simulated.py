@@ -29,7 +29,7 @@ BOUNDARY = re.compile(
     rb"printf '\\n%s %s %s\\n' ([0-9a-f]+) (\w+) (\$_s|0); printf '\\n%s %s %s\\n' \1 \2 (?:\$_s|0) >&2\n"
 )
 WRITTEN = re.compile(r" && printf %s (.*) > (\S+)\.part && mv -f \S+ (\S+)\Z", re.DOTALL)
-LONG = re.compile(r" && base64 -d > (\S+)\.part <<'_END_OF_FILE_' .*?\n(.*)_END_OF_FILE_\n", re.DOTALL)
+LONG = re.compile(r" && printf %s ([^ ]*) \| base64 -d > (\S+)\.part && .*", re.DOTALL)
 ANY = tuple(range(100, 600))
 
 
@@ -60,8 +60,8 @@ class Shell:
             content, path = unquoted(put[1]), shlex.split(put[3])[0]
             return self.robot._do(Put(path=path, content=content.encode()), half=False)
         if (put := LONG.search(command)) is not None:
-            content = base64.b64decode(put[2])
-            return self.robot._do(Put(path=shlex.split(put[1])[0], content=content), half=False)
+            content = base64.b64decode(put[1])
+            return self.robot._do(Put(path=shlex.split(put[2])[0], content=content), half=False)
         if command.startswith("umask 027; printf"):  # the line of the robot's own log
             return Reply(status=0)
         try:

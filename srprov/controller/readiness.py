@@ -23,7 +23,7 @@ from srprov.facts.model import HostFacts, Snapshot, TakenPort
 from srprov.facts.probes import INFO
 from srprov.facts.taken import QUERIES, taken_ports
 from srprov.modules import RUNNING
-from srprov.modules.mount_kind import GRAVE, mount_kind, plain
+from srprov.modules.mount_kind import GRAVE, mount_kind, plain, written_by
 from srprov.planning.plan import Step
 from srprov.resource import Action
 from srprov.robot_answers import TooManyError
@@ -171,12 +171,14 @@ def _missing(robot: str, services: Sequence[Service], reply: Reply) -> Iterator[
 def _led(robot: str, services: Sequence[Service], reply: Reply) -> Iterator[tuple[str, bool]]:
     """Yield a line for each source that a link leads elsewhere, and whether that is graver to mount than it looks."""
     said = dict(line.partition(" ")[::2] for line in lines_of(reply.out, _MOST_LINES))
-    users = _users(services)
+    users, written = _users(services), {path for service in services for path in written_by(service.runtime)}
     for number, source in enumerate(_all_sources(services)):
         real = folder(said.get(str(number), ""))
         if real and plain(real) != plain(source):
-            is_grave = mount_kind(real)[0] == GRAVE != mount_kind(source)[0]
-            yield f"{robot}: {source}, which {users[source]} mounts, leads to {real}", is_grave
+            kind, why = mount_kind(real, read_only=source not in written)
+            note = f" ({why})" if why and kind != GRAVE else ""
+            is_grave = kind == GRAVE != mount_kind(source)[0]
+            yield f"{robot}: {source}, which {users[source]} mounts, leads to {real}{note}", is_grave
 
 
 def _still_writable(robot: HostFacts, services: Sequence[Service], said: Sequence[Reply]) -> Iterator[str]:

@@ -8,9 +8,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from srprov.wire import sh
+from srprov.wire import printed, sh
 
-_END = "_END_OF_CALLS_"
 _PLAIN = re.compile(r"[\w.:@%/+-]+", re.ASCII)
 
 
@@ -21,6 +20,6 @@ def batch(program: Sequence[str], calls: Sequence[Sequence[str]]) -> list[str]:
     per call, and the shell's quotes.
     """
     if all(_PLAIN.fullmatch(word) for call in calls for word in call):
-        lines = [f"{sh(*program)} -batch - <<'{_END}' || exit", *(" ".join(call) for call in calls), _END]
-        return lines if calls else []
+        text = "".join(" ".join(call) + "\n" for call in calls)
+        return [f"{printed(text)} | {sh(*program)} -batch - || exit"] if calls else []
     return [f"{sh(*program, *call)} || exit" for call in calls]

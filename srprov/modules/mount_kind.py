@@ -7,6 +7,7 @@ lies below a folder that a container writes to is whatever that container wants 
 from __future__ import annotations
 
 import posixpath
+import re
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator
 
@@ -27,23 +28,23 @@ _ENGINES = (
     *("/var/snap/docker", "/var/snap/lxd", "/var/snap/microk8s"),
 )
 """Folders in which engines, or srprov, keep sockets, images, volumes or secrets: /run/user of those without root."""
-
-
 _OF_ROOT = ("/run/dbus", "/run/systemd")
 """Folders with sockets of what does as root tells it, also root in a container."""
-_BELIEVED = (
-    *("/run/udev", "/run/modprobe.d", "/run/sysctl.d", "/run/tmpfiles.d", "/run/binfmt.d", "/run/sysusers.d"),
-    *("/run/cdi", "/run/polkit-1", "/run/initramfs", "/run/NetworkManager", "/run/wpa_supplicant"),
-    *("/run/wireguard", "/run/netns", "/var/spool/at", "/var/spool/cron"),
-)
-"""Folders that look like a service's own, and have what root's programs run or believe: udev's rules name programs."""
+_DATA = re.compile(r"/(?:srv|mnt|media|data)(?:/.*)?|(?:/var)?/tmp/.+|/home/[^/]+(?:/(?!\.)[^/]+)+", re.DOTALL)
+"""Where data are. Anywhere else may be what root's programs run or believe, such as the rules of udev in `/run/udev`.
+
+A closed list, as no list of the other folders would ever be whole. Hidden files of a user's are what the user's shell
+reads, or whose keys let somebody in.
+"""
+_BELIEVED = "root may run or believe what is written there"
+_ASKED = "root may do what a socket there is told"
 _MOUNTED_IN = "/tmp"  # noqa: S108 - the robot's own
 """Each time that it makes a container: `containerd-mountNUMBER`, whatever TMPDIR it is given."""
 SHARED_MEMORY = "/dev/shm"  # noqa: S108 - the robot's own
 """What a container has of the robot with `ipc: host`, to write to as any mounted folder."""
 
 
-def mount_kind(source: str) -> tuple[str, str]:
+def mount_kind(source: str, *, read_only: bool = False) -> tuple[str, str]:
     """Return the kind of a bind mount, and why it is graver than it looks.
 
     A folder that holds the engine's socket gives it away just so, as does whatever is, holds or lies below a folder of
@@ -61,11 +62,11 @@ def mount_kind(source: str) -> tuple[str, str]:
         return GRAVE, "what an engine or srprov keeps"
     if any(f"{path}/".startswith(f"{one}/") for one in _OF_ROOT):
         return "host-path", "who is root there tells systemd what to run, as root"
-    if any(f"{path}/".startswith(f"{one}/") or one.startswith(f"{path}/") for one in _BELIEVED):
-        return "host-path", "root runs or believes what is written there, such as rules of udev"
+    if read_only:
+        return "host-path", _ASKED if path.startswith("/run/") else ""
     if path == _MOUNTED_IN:
         return "host-path", "an engine with containerd's store mounts images there, as root, where links lead"
-    return "host-path", ""
+    return "host-path", "" if _DATA.fullmatch(path) else _BELIEVED
 
 
 def plain(source: str) -> str:
@@ -186,14 +187,12 @@ leads_to_no_engine() {{
   case ${{r:-/}} in {_grave_patterns()})
     echo "$1 leads to ${{r:-/}}: mount that, which asks for {GRAVE}" >&2; exit 1;;
   esac
-  while IFS= read -r e; do
+  printf '%s\\n' "$kept" | while IFS= read -r e; do
     q=$there grave=
     while [ -n "$q" ] && [ -n "$e" ]; do [ ! "$q" -ef "$e" ] || grave=1; q=${{q%/*}}; done
     case $e/ in "$r"/*) grave=1 ;; esac
     [ -z "$grave" ] || {{ echo "$1 is, holds or lies in $e, which an engine or srprov keeps" >&2; exit 1; }}
-  done <<_END_OF_KEPT_
-$kept
-_END_OF_KEPT_
+  done || exit 1
   at=$(spelled "$r") || exit 1
   IFS=$newline; set -f
   if shows_an_engine "$at"; then echo "$1 shows by a mount what an engine or srprov keeps, or /proc" >&2; exit 1; fi

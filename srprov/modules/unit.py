@@ -20,14 +20,13 @@ from srprov.modules.vxlan import VxlanParams, link_calls
 from srprov.modules.vxlan_fdb import FLOOD
 from srprov.modules.vxlan_filter import VxlanFilterParams, closing_script
 from srprov.resource import Action, Change, Observed, State
-from srprov.wire import AnyQuery, Command, Query, Reply, Run, quote
+from srprov.wire import AnyQuery, Command, Query, Reply, Run, printed, quote
 
 FOLDER = "/etc/systemd/system"
 _WANTS = "multi-user.target.wants"
 _MARK = "# Written by srprov"
 _NAME = re.compile(r"srprov-([a-z0-9-]{1,32})\.service", re.ASCII)
 _PLAIN = re.compile(r"[\w.:/@+-]+", re.ASCII)
-_END = "_END_OF_UNIT_"
 _LIST = f"""\
 cd {FOLDER} 2>/dev/null || exit 0
 for u in srprov-*.service; do
@@ -171,7 +170,6 @@ def _write(name: str, text: str) -> tuple[Command, ...]:
     """Return the one script that puts a unit in its place, whole, and enables it."""
     path = quote(f"{FOLDER}/{name}")
     script = f"""\
-cat >{path}.new <<'{_END}' && chmod 644 {path}.new && mv -f {path}.new {path} || exit
-{text}{_END}
+{printed(text)} >{path}.new && chmod 644 {path}.new && mv -f {path}.new {path} || exit
 systemctl daemon-reload && systemctl --quiet enable {quote(name)}"""
     return (Run(script=script),)

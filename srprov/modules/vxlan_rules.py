@@ -24,7 +24,7 @@ from collections.abc import Callable, Collection, Sequence
 import msgspec
 
 from srprov.definitions.containermodel import LINK_PORTS
-from srprov.wire import quote
+from srprov.wire import printed, quote
 
 SOURCE_PORTS = (LINK_PORTS[0], LINK_PORTS[-1])
 """First and last: privileged ones, above those that services have."""
@@ -32,7 +32,6 @@ MARK = 0x53000000
 """A packet that was let in has this and the VNI as its mark, until the bridge; one for all would let a member of any
 instance into each of them."""
 NFTABLES, IPTABLES = "nftables", "iptables"
-_END = "_END_OF_RULES_"
 _FAILED = "the overlay cannot be closed: neither nft nor iptables works here; apt-get install nftables"
 
 
@@ -66,14 +65,14 @@ def closing(rules: Filter, by: Collection[str]) -> str:
         (f"{_remove_iptables(name, 'ip ip6')}\n", f"\n{_remove_iptables(name, other)}") if IPTABLES in by else ("", "")
     )
     return (
-        f"if nft -f - 2>/dev/null <<'{_END}'\n{_nft_removed(rules.name)}{_nft(rules)}{_END}\nthen\n{after}exit\nfi\n"
+        f"if {printed(_nft_removed(rules.name) + _nft(rules))} | nft -f - 2>/dev/null\nthen\n{after}exit\nfi\n"
         f"{_restore(family, name, _iptables(rules))} || {{ echo {quote(_FAILED)} >&2; exit 1; }}{rest}"
     )
 
 
 def opening(name: str, by: Collection[str]) -> str:
     """Return the script that takes all rules of a filter away; it also succeeds where there are none."""
-    parts = [f"nft -f - <<'{_END}' || exit\n{_nft_removed(name)}{_END}"] if NFTABLES in by else []
+    parts = [f"{printed(_nft_removed(name))} | nft -f - || exit"] if NFTABLES in by else []
     return "\n".join([*parts, *([_remove_iptables(quote(name), "ip ip6")] if IPTABLES in by else [])])
 
 
@@ -161,10 +160,8 @@ def _restore(family: str, name: str, lines: str) -> str:
     """
     tables = f"{family}tables"
     jumps = f"{tables}-save -t raw 2>/dev/null | sed -n '/ -j '{name}'-/s/^-A PREROUTING/-D PREROUTING/p'"
-    return (
-        f"{{ echo '*raw'; {jumps}\ncat <<'{_END}'\n:{name}-in - [0:0]\n:{name}-via - [0:0]\n{lines}COMMIT\n{_END}\n}} "
-        f"| {tables}-restore -n -w 5"
-    )
+    chains = printed(f":{name}-in - [0:0]\n:{name}-via - [0:0]\n{lines}COMMIT\n")
+    return f"{{ echo '*raw'; {jumps}\n{chains}; }} | {tables}-restore -n -w 5"
 
 
 def _remove_iptables(name: str, families: str) -> str:

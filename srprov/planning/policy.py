@@ -204,7 +204,7 @@ def _namespaces(run: Runtime) -> Iterator[tuple[str, str]]:
 def _paths(run: Runtime, written: _Places) -> Iterator[tuple[str, str]]:
     for mount in run.mounts:
         if mount.kind == "bind":
-            kind, why = mount_kind(mount.source)
+            kind, why = mount_kind(mount.source, read_only=mount.read_only)
             if kind != GRAVE and written(mount.source):
                 kind, why = GRAVE, f"{_OTHERS}: a link there leads anywhere"
             made = "made where it is not there" if mount.create_host_path else ""

@@ -12,7 +12,7 @@ from functools import cache
 from pathlib import Path
 
 from srprov.probing.model import GATEWAY, UNDERLAY, Endpoint, Request
-from srprov.wire import EngineQuery, Run, quote
+from srprov.wire import EngineQuery, Run, printed, quote
 
 FOLDER = "/var/lib/srprov"
 """Where only root may enter, and programs may be run from; /run and /tmp are often mounted without that."""
@@ -46,7 +46,7 @@ def upload(magic: str, arch: str) -> Run:
     script = (
         f"if (umask 077; {{ [ -d {FOLDER} ] || mkdir -p {FOLDER}; }} || exit 1\n"
         f'for f in {FOLDER}/.probe.*; do [ ! -e "$f" ] || {_STALE}; break; done\n'
-        f"base64 -d <<'_END_OF_FILE_' | gzip -dc > {path} && chmod 700 {path}\n{program}_END_OF_FILE_\n"
+        f"{printed(program)} | base64 -d | gzip -dc > {path} && chmod 700 {path}\n"
         f") && command exec 8<{path}; then rm -f {path}; else rm -f {path}; false; fi"
     )
     return Run(script=script, timeout_s=_UPLOAD_S, in_place=True)

@@ -220,15 +220,34 @@ def test_what_does_as_root_tells_it_is_said_to_do_so() -> None:
     for path in ("/run/dbus", "/var/run/dbus/system_bus_socket", "/run/systemd/private", "/run//systemd/"):
         kind, why = mount_kind(path)
         assert kind == "host-path" and "as root" in why
-    assert mount_kind("/run/dbus-1") == mount_kind("/srv/dbus") == ("host-path", "")
+    assert mount_kind("/srv/dbus") == ("host-path", "")
 
 
-@pytest.mark.parametrize("path", ["/run/udev", "/var/run/udev/rules.d", "/run//cdi/", "/var/spool", "/run/wireguard"])
-def test_where_root_takes_what_it_runs_from_is_said(path: str) -> None:
+@pytest.mark.parametrize(
+    "path",
+    [
+        *("/run/udev", "/var/run/udev/rules.d", "/run//cdi/", "/var/spool", "/run/wireguard", "/etc/cron.d", "/sys"),
+        *("/opt/ros/humble", "/usr/local/bin", "/home", "/home/lab", "/home/lab/.ssh", "/home/lab/x/.profile"),
+        *("/var/tmp", "/srv2", "/database", "/lib/systemd", "/boot", "/dev/shm", "/never/heard/of"),
+    ],
+)
+def test_where_root_may_take_what_it_runs_from_is_said(path: str) -> None:
     """`/run/udev` is mounted by many for cameras; udev starts what a rule there names, as root."""
     kind, why = mount_kind(path)
-    assert kind == "host-path" and "root runs or believes" in why
-    assert mount_kind("/run/udevil") == mount_kind("/srv/udev") == ("host-path", "")
+    assert kind == "host-path" and "root may run or believe" in why
+    assert "written" not in mount_kind(path, read_only=True)[1]
+
+
+@pytest.mark.parametrize(
+    "path", ["/srv", "/srv/maps", "/mnt/ssd/bags", "/media/x", "/data", "/tmp/x", "/var/tmp/x/y", "/home/lab/maps/a b"]
+)
+def test_where_data_are_nothing_is_said(path: str) -> None:
+    assert mount_kind(path) == ("host-path", "")
+
+
+def test_a_socket_below_run_may_be_asked_when_it_is_mounted_read_only() -> None:
+    assert "a socket there" in mount_kind("/var/run/acpid.socket", read_only=True)[1]
+    assert mount_kind("/etc/localtime", read_only=True) == ("host-path", "")
 
 
 def test_what_is_grave_as_it_is_written_was_asked_for_as_that() -> None:

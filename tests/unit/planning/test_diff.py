@@ -308,5 +308,5 @@ def test_plan_json_is_canonical_and_holds_only_json() -> None:
     assert set(by_module["file"]["commands"][0]) == {"put", "bytes", "sha256", "mode", "in_place"}
     guard, notify, calls = by_module["vxlan"]["commands"][0]["run"].split("\n", 2)
     assert guard.endswith("exit 1 ;; esac") and notify.endswith("/arp_notify || exit")
-    assert calls.startswith("ip -batch - <<'_END_OF_CALLS_' || exit\nlink add")
+    assert calls.startswith("printf %s 'link add") and "\n' | ip -batch - || exit" in calls
     assert first["counts"] == {"create": 14, "update": 0, "replace": 0, "delete": 0, "run": 0}
