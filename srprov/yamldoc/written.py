@@ -88,6 +88,8 @@ def found_comments(lines: list[str], scalars: list[Any]) -> Iterator[tuple[int, 
             last = end.column if number == end.line else len(lines[number])
             taken.setdefault(number, []).append((first, last))
     for number, line in enumerate(lines):
+        if "#" not in line:
+            continue
         spans = iter(taken.get(number, ()))  # in their order, as they stand in the line
         first, last = next(spans, (len(line), 0))
         for found in re.finditer("#", line):
