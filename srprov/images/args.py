@@ -56,7 +56,8 @@ def with_digests(text: str, pins: Mapping[str, str]) -> str:
             continue
         end, image = _end(lines, start), next((one for one in rest.split() if not one.startswith("--")), "")
         for name, digest in pins.items():
-            found = re.compile(rf"(?<![^\s=]){re.escape(name)}(?!\S)")
+            before = r"(?<!\S)" if word == "FROM" else "(?<=--from=)"
+            found = re.compile(rf"{before}{re.escape(name)}(?!\S)")
             named = image == name if word == "FROM" else f"--from={name}" in rest.split()
             at = next((number for number in range(start - 1, end) if found.search(lines[number])), None)
             if named and name.lower() not in stages and at is not None:

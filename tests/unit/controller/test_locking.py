@@ -104,12 +104,12 @@ def test_digests_and_commits_take_the_place_of_names(here: Path) -> None:
 def test_a_stage_that_is_called_like_an_image_is_no_image() -> None:
     text = (
         "FROM busybox AS base\nCOPY --from=debian /busybox /\nFROM \\\n  debian AS busybox\nFROM busybox\n"
-        "COPY --from=busybox a b\n"
+        "COPY --from=busybox a b\nCOPY --chown=debian --from=debian debian b\n"
     )
     pins = {"busybox": "busybox@1", "debian": "debian@2"}
     assert with_digests(text, pins) == (
         "FROM busybox@1 AS base\nCOPY --from=debian@2 /busybox /\nFROM \\\n  debian@2 AS busybox\nFROM busybox\n"
-        "COPY --from=busybox a b\n"
+        "COPY --from=busybox a b\nCOPY --chown=debian --from=debian@2 debian b\n"
     )
 
 
