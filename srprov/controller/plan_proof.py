@@ -15,7 +15,6 @@ from srprov.codes import Code
 from srprov.controller.owners import Owner, owners_of
 from srprov.errors import RefusedError
 from srprov.facts.model import Snapshot
-from srprov.modules import RUNNING
 from srprov.modules.module import canonical
 from srprov.planning.planfile import PlanFile, document
 
@@ -35,7 +34,10 @@ def provers(saved: PlanFile) -> tuple[Owner, ...]:
 
 
 def check_claim(saved: PlanFile, snapshot: Snapshot) -> None:
-    """Refuse a plan that was not written here where containers of its instance are: its source is only what it says.
+    """Refuse a plan that was not written here where anything of its instance is: its source is only what it says.
+
+    A run that failed leaves secrets and data sets without a container. A plan may count them as right already, whose
+    they are and what they hold: then its own containers would have them, whatever it says of where they come from.
 
     Raises:
         RefusedError: Names the robots.
@@ -44,7 +46,7 @@ def check_claim(saved: PlanFile, snapshot: Snapshot) -> None:
     robots = sorted(
         robot
         for robot, items in snapshot.observed.items()
-        if any(one.module in RUNNING and one.instance == instance for one in items)
+        if any(one.instance == instance for one in items) or instance in snapshot.records.get(robot, {})
     )
     if robots:
         raise RefusedError(

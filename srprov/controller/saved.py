@@ -127,7 +127,7 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
         refuse_stale(saved, wants, snapshot, look)
         owners = provers(saved)
         check_saved(saved.plan, wants, snapshot, owners)
-        check_source(snapshot, saved.plan.instance, saved.plan.source, adopt=adopt)
+        check_source(looking(snapshot, saved.plan.instance)[0], saved.plan.instance, saved.plan.source, adopt=adopt)
         if not owners:
             builders, tags = fleet.inventory.groups.get(BUILDERS, ()), {want.name for want in wants}
             check_copies(saved, counted(known_images(), tags, builders, snapshot, look.identity), snapshot.facts)
