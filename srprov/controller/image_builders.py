@@ -7,10 +7,15 @@ for what asks who a robot is.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 
+from srprov.codes import Code
+from srprov.definitions.model import Inventory
+from srprov.errors import RefusedError
 from srprov.facts.model import Snapshot
+from srprov.modules.image import ImageParams
 from srprov.record.memory import built_for
+from srprov.resource import Resource
 
 BUILDERS = "builders"
 """The group of an inventory whose hosts build images."""
@@ -36,17 +41,67 @@ def counted(
             and goes by its name, or what it built could come from nobody.
     """
     found = {}
-    # for a plan file its own robots alone are asked
-    unasked = {*builders} - snapshot.facts.keys() - snapshot.unreachable.keys()
     for arch in sorted({one.arch for one in snapshot.facts.values()}):
-        every = alike(snapshot, arch)
-        named = every.intersection(builders)
-        here = named if named or unasked else every
-        away = snapshot.unreachable.keys() & (builders if named or unasked else snapshot.unreachable)
+        here, chosen = _builders(arch, builders, snapshot)
+        away = snapshot.unreachable.keys() & (builders if chosen else snapshot.unreachable)
         for key in (built_for(tag, arch) for tag in tags):
             built = (entry.partition(" ")[::2] for entry in known.get(key, ()))
             found[key] = frozenset(id_ for id_, who in built if _would_build(who, here, away, identity))
     return found
+
+
+def _builders(arch: str, builders: Collection[str], snapshot: Snapshot) -> tuple[set[str], bool]:
+    """Return the robots in reach that could build for an architecture, and whether the inventory's group says so."""
+    every = alike(snapshot, arch)
+    named = every.intersection(builders)
+    # for a plan file its own robots alone are asked
+    unasked = {*builders} - snapshot.facts.keys() - snapshot.unreachable.keys()
+    chosen = bool(named or unasked)
+    return (named if chosen else every), chosen
+
+
+def check_builders(steps: Collection[Resource], inventory: Inventory, snapshot: Snapshot) -> None:
+    """Refuse a plan, which was not written here, that has images built elsewhere than this inventory would have them.
+
+    A tag is all that says what an image is: whoever builds under it decides what others run who have it, too, the
+    user's own experiments among them. `steps` are what its steps want.
+
+    Raises:
+        RefusedError: Names the images, and who would build them.
+    """
+    if strange := sorted(set(_strange_builds(steps, inventory, snapshot))):
+        raise RefusedError(
+            "only this plan, which was not written here, says who builds: "
+            + ", ".join(f"{name} on {robot}" for name, robot in strange),
+            hint=f"plan its EDF here: a host of the inventory's group '{BUILDERS}' builds, or else the first robot",
+            code=Code.STRANGE_PLAN,
+        )
+
+
+def _strange_builds(
+    steps: Collection[Resource], inventory: Inventory, snapshot: Snapshot
+) -> Iterator[tuple[str, str]]:  # fmt: skip
+    builders = inventory.groups.get(BUILDERS, ())
+    # one that was not asked may be of any architecture
+    unasked = inventory.hosts.keys() - snapshot.facts.keys() - snapshot.unreachable.keys()
+    for want in steps:
+        facts, params = snapshot.facts.get(want.host), want.params
+        if facts is None or not isinstance(params, ImageParams):
+            continue  # nothing is done on a robot that is out of reach
+        made = params.source == "build"
+        if not made and (params.source != "copy" or params.id):
+            continue
+        builder = want.host if made else params.from_
+        here, chosen = _builders(facts.arch, builders, snapshot)
+        lack = {one for one in here if not _has(one, want.name, snapshot)}
+        right = builder in here and (chosen or builder == min(lack | unasked, default=""))
+        # a build is remembered as one for what it says that its robot runs
+        if not right or (made and params.runs[:1] not in ((), facts.runs[:1])):
+            yield want.name, builder
+
+
+def _has(robot: str, image: str, snapshot: Snapshot) -> bool:
+    return any(one.module == "image" and one.name == image for one in snapshot.observed[robot])
 
 
 def _would_build(who: str, here: Collection[str], away: Collection[str], identity: Callable[[str], str]) -> bool:

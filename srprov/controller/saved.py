@@ -17,7 +17,7 @@ from srprov.controller.authority import check_copies, check_underlay, services_o
 from srprov.controller.data_owner import check_saved, refuse_labels, remember_owner
 from srprov.controller.data_sets import refuse_files
 from srprov.controller.fleet import Fleet
-from srprov.controller.image_builders import BUILDERS, counted
+from srprov.controller.image_builders import BUILDERS, check_builders, counted
 from srprov.controller.old_values import as_reviewed, with_differences, without_old_lines
 from srprov.controller.ownership import check_source, looking, owned
 from srprov.controller.permissions import require_decided
@@ -134,6 +134,8 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
             refuse_files(wants)
             refuse_labels(wants, trusted=adopt or signed)
             check_underlay(saved, {facts.underlay_address for facts in snapshot.facts.values()})
+            if not signed:
+                check_builders([step.want for step in saved.plan.steps if step.want], fleet.inventory, snapshot)
             if not adopt and not signed:
                 check_claim(saved, snapshot)
         _check_networks(wants, saved.plan.instance, snapshot)

@@ -1,23 +1,30 @@
-"""What a plan file that was not written here is refused: what lies on robots already."""
+"""What a plan file that was not written here is refused: what lies on robots already, and builds by whom it names."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from unittest import mock
 
 import pytest
 from msgspec.structs import replace
 
+from srprov.controller.image_builders import check_builders
 from srprov.controller.owners import read_owner
 from srprov.controller.request import PlanRequest
 from srprov.controller.saved import check_plan, plan_file
-from srprov.definitions.model import Definitions
+from srprov.definitions.model import Definitions, Host, Inventory
 from srprov.definitions.secretmodel import SecretSource, SecretUse
 from srprov.errors import RefusedError
+from srprov.facts.model import Docker, HostFacts, Snapshot
+from srprov.modules.image import ImageParams
 from srprov.planning.planfile import PlanFile
+from srprov.resource import Observed, Resource
 from srprov.secret import Secret, Vault
 from tests.fakes import World
 from tests.worlds import Experiment, experiment, fleet, made, run, service
+
+TAG = "srprov/cam:0123456789abcdef0123456789abcdef"
 
 
 @pytest.fixture(autouse=True)
@@ -62,3 +69,62 @@ def test_a_secret_that_a_failed_run_left_is_given_to_no_plan_from_elsewhere(sour
     with pytest.raises(RefusedError, match=why):
         check_plan(saved, fleet(world))
     check_plan(saved, fleet(world), adopt=True)
+
+
+def robots(archs: Mapping[str, str], have: tuple[str, ...] = (), away: tuple[str, ...] = ()) -> Snapshot:
+    docker = Docker(version="28", api_version="1.48")
+    image = Observed(module="image", name=TAG, instance="", state={"id": "", "labels": {}})
+    facts = {name: HostFacts(name=name, arch=arch, docker=docker) for name, arch in archs.items()}
+    observed = {name: (image,) * (name in have) for name in archs}
+    return Snapshot(facts=facts, observed=observed, unreachable=dict.fromkeys(away, ""))
+
+
+def inventory(*names: str, builders: tuple[str, ...] = ()) -> Inventory:
+    hosts = {name: Host(name=name, address=name) for name in names}
+    return Inventory(hosts=hosts, groups={"builders": builders} if builders else {})
+
+
+def wanted(robot: str, params: ImageParams) -> Resource:
+    return Resource(host=robot, module="image", name=TAG, params=params, written={}, needs=(), source="")
+
+
+def built(robot: str, *runs: str) -> Resource:
+    return wanted(robot, ImageParams(source="build", blob=b"tar", runs=runs))
+
+
+def copied(source: str, robot: str, id_: str = "") -> Resource:
+    return wanted(robot, ImageParams(source="copy", from_=source, id=id_))
+
+
+THREE = {"a": "amd64", "b": "amd64", "c": "amd64"}
+
+
+def test_a_plan_from_elsewhere_has_images_built_by_who_builds_here() -> None:
+    """Root on `b` gave all that it built the tag of the user's own image, which ran with what was allowed to that."""
+    plain, named = inventory(*THREE), inventory(*THREE, builders=("a",))
+    for here in (plain, named):
+        check_builders([built("a"), copied("a", "b"), copied("a", "c")], here, robots(THREE))
+        for wrong in ([built("b")], [copied("b", "c")], [built("a"), copied("c", "a")]):
+            with pytest.raises(RefusedError, match=f"who builds: {TAG} on "):
+                check_builders(wrong, here, robots(THREE))
+    check_builders([copied("b", "c", "sha256:1")], named, robots(THREE))  # which `check_copies` looks at
+    check_builders([built("b"), copied("b", "c")], inventory(*THREE, builders=("b", "c")), robots(THREE))
+
+
+def test_who_builds_here_follows_from_robots_in_reach_and_what_they_have() -> None:
+    check_builders([built("b")], inventory(*THREE), robots(THREE, have=("a",)))
+    check_builders([built("b")], inventory(*THREE), robots({"b": "amd64", "c": "amd64"}, away=("a",)))
+    check_builders([built("b")], inventory("a", "b"), robots({"a": "arm64", "b": "amd64"}))
+    check_builders([built("gone")], inventory(*THREE), robots(THREE, away=("gone",)))  # nothing is done there
+    # a file leaves out the robot that would build, or the group's
+    for here in (inventory(*THREE), inventory(*THREE, builders=("a",))):
+        with pytest.raises(RefusedError, match="who builds"):
+            check_builders([built("b"), copied("b", "c")], here, robots({"b": "amd64", "c": "amd64"}))
+
+
+def test_a_robot_that_says_to_be_of_an_architecture_of_its_own_builds_for_no_other() -> None:
+    snapshot = robots({**THREE, "b": "riscv64"})
+    check_builders([built("b", "riscv64")], inventory(*THREE), snapshot)
+    for wrong in ([built("b", "riscv64"), copied("b", "c")], [built("b", "amd64")]):
+        with pytest.raises(RefusedError, match="who builds"):
+            check_builders(wrong, inventory(*THREE), snapshot)
