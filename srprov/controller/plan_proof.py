@@ -17,6 +17,7 @@ from srprov.errors import RefusedError
 from srprov.facts.model import Snapshot
 from srprov.modules.module import canonical
 from srprov.planning.planfile import PlanFile, document
+from srprov.record.memory import recall
 
 
 def proved(saved: PlanFile, owner: Owner | None) -> PlanFile:
@@ -34,24 +35,27 @@ def provers(saved: PlanFile) -> tuple[Owner, ...]:
 
 
 def check_claim(saved: PlanFile, snapshot: Snapshot) -> None:
-    """Refuse a plan that was not written here where anything of its instance is: its source is only what it says.
+    """Refuse a plan that was not written here for an instance that is somebody's: its source is only what it says.
 
     A run that failed leaves secrets and data sets without a container. A plan may count them as right already, whose
     they are and what they hold: then its own containers would have them, whatever it says of where they come from.
+    Where robots have nothing of it, or say so, this machine may have put it on others: a record of the plan's would be
+    believed as the newest of this machine's, and services be looked for where the plan has them.
 
     Raises:
         RefusedError: Names the robots.
     """
     instance = saved.plan.instance
-    robots = sorted(
+    there = sorted(
         robot
         for robot, items in snapshot.observed.items()
         if any(one.instance == instance for one in items) or instance in snapshot.records.get(robot, {})
     )
-    if robots:
+    put = sorted(recall(instance).robots)
+    if there or put:
+        where = f"is there on {', '.join(there)}" if there else f"this machine has put on {', '.join(put)}"
         raise RefusedError(
-            f"this plan was not written on this controller, and would change instance '{instance}', which is there on "
-            f"{', '.join(robots)}",
+            f"this plan was not written on this controller, and would change instance '{instance}', which {where}",
             hint="plan its EDF here; or let this plan change it by --adopt, or by --signers FILE if it is signed",
             code=Code.STRANGE_PLAN,
         )

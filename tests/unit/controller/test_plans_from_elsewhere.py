@@ -19,6 +19,7 @@ from srprov.errors import RefusedError
 from srprov.facts.model import Docker, HostFacts, Snapshot
 from srprov.modules.image import ImageParams
 from srprov.planning.planfile import PlanFile
+from srprov.record.memory import Memory, remember
 from srprov.resource import Observed, Resource
 from srprov.secret import Secret, Vault
 from tests.fakes import World
@@ -69,6 +70,17 @@ def test_a_secret_that_a_failed_run_left_is_given_to_no_plan_from_elsewhere(sour
     with pytest.raises(RefusedError, match=why):
         check_plan(saved, fleet(world))
     check_plan(saved, fleet(world), adopt=True)
+
+
+def test_a_plan_from_elsewhere_places_no_service_of_an_instance_that_this_machine_has_put_on_other_robots() -> None:
+    """Root on `r1` removed what it had of it; the plan's record was the newest, and `cp` sent a file to `r1`."""
+    world = World().add("r1")
+    saved = planned(world, experiment(service("x", robot="r1", network="none"), name="fleet"), "value-of-a-test")
+    check_plan(saved, fleet(world))
+    assert not remember("fleet", Memory(robots=frozenset({"r2"}), records=("0",)))
+    with pytest.raises(RefusedError, match="which this machine has put on r2"):
+        check_plan(saved, fleet(world))
+    check_plan(saved, fleet(world), signed=True)
 
 
 def robots(archs: Mapping[str, str], have: tuple[str, ...] = (), away: tuple[str, ...] = ()) -> Snapshot:
