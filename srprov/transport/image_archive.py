@@ -65,7 +65,7 @@ def only(chunks: Iterator[bytes], image: str, ids: Collection[str] = ()) -> Iter
     except (TarError, UnicodeError) as error:
         raise ForeignImage(f"what comes is no archive of an image: {error}") from error
     entry = _entry(listed, image, names - {_LIST, *_OTHER_LISTS})
-    if ids and not any(_leads_to(one, small.get(entry["Config"], b""), small.values()) for one in ids):
+    if ids and not any(_leads_to(one, small.get(entry["Config"]), small.values()) for one in ids):
         raise ForeignImage(f"it gives another image under {image} than the one that was built")
     yield from tar_file(_LIST, json.dumps([entry]).encode())
     yield b"\0" * 1024
@@ -106,16 +106,27 @@ def _passed_on(archive: TarStream, member: tarfile.TarInfo, name: str, small: di
         small[name] = bytes(kept)
 
 
-def _leads_to(image_id: str, config: bytes, small: Collection[bytes]) -> bool:
-    """Return whether an id is a configuration's hash, or that of documents that name it, one naming the next."""
-    documents = {f"sha256:{hashlib.sha256(one).hexdigest()}": one for one in (*small, config)}
+def _leads_to(image_id: str, config: bytes | None, small: Collection[bytes]) -> bool:
+    """Return whether an id is a configuration's hash, or that of a manifest or index that names it as one."""
+    if config is None:  # a link, or longer than any sensible one: what an engine would read is not known
+        return False
+    documents = {f"sha256:{hashlib.sha256(one).hexdigest()}": one for one in small}
     wanted, named = f"sha256:{hashlib.sha256(config).hexdigest()}", {image_id}
-    for _ in range(3):
+    for _ in range(2):
         if wanted in named:
             return True
-        texts = [documents.get(one, b"").decode("utf-8", "replace") for one in named]
-        named = {match for one in texts for match in _DIGEST.findall(one)}
+        named = {below for one in named for below in _below(documents.get(one, b""))}
     return wanted in named
+
+
+def _below(document: bytes) -> set[str]:
+    """Return the digests of a manifest's configuration, and of an index's manifests.
+
+    Any other digest that stands in it, as in a label, is a word of whoever wrote the definition, or the base.
+    """
+    said = mapping(json_or_none(document.decode("utf-8", "replace")))
+    every = [string(one.get("digest")) for one in (mapping(said.get("config")), *mappings(said.get("manifests")))]
+    return {one for one in every if _DIGEST.fullmatch(one)}
 
 
 def _small(archive: TarStream, member: tarfile.TarInfo) -> bytes:

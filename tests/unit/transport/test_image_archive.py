@@ -47,6 +47,37 @@ def test_an_image_of_another_id_is_refused() -> None:
     assert b"RepoTags" not in b"".join(given)
 
 
+def test_a_digest_in_a_label_of_the_image_that_was_built_makes_no_other_image_it() -> None:
+    """Whoever writes the definition can put it there; root on a robot that has the image then gives the other one."""
+    evil = image_id("srprov/x:1")
+    honest = json.dumps({"config": {"Labels": {"base": evil}}, "rootfs": {}}).encode()
+    known = "sha256:" + hashlib.sha256(honest).hexdigest()
+    with pytest.raises(ForeignImage, match="another image under srprov/x:1"):
+        passed(saved(WANTED, [(sized("honest.json", honest), honest)]), known=[known])
+    manifest = json.dumps({"config": {"digest": evil}}).encode()
+    leads = "sha256:" + hashlib.sha256(manifest).hexdigest()
+    assert passed(saved(WANTED, [(sized("blobs/m", manifest), manifest)]), known=[leads])
+
+
+def test_a_configuration_that_is_a_link_is_that_of_no_id() -> None:
+    """It was compared as if it was empty."""
+    listed = json.dumps([{"Config": "c", "RepoTags": ["srprov/x:1"], "Layers": []}]).encode()
+    naming = json.dumps({"config": {"digest": "sha256:" + hashlib.sha256(b"").hexdigest()}}).encode()
+    made = io.BytesIO()
+    with tarfile.open(fileobj=made, mode="w") as archive:
+        for name, content in (("real", b"{}"), ("m", naming), ("manifest.json", listed)):
+            archive.addfile(sized(name, content), io.BytesIO(content))
+        archive.addfile(member("c", tarfile.SYMTYPE, "real"))
+    with pytest.raises(ForeignImage, match="another image"):
+        passed(made.getvalue(), known=["sha256:" + hashlib.sha256(naming).hexdigest()])
+
+
+def sized(name: str, content: bytes) -> tarfile.TarInfo:
+    found = member(name)
+    found.size = len(content)
+    return found
+
+
 def member(name: str, kind: bytes = tarfile.REGTYPE, link: str = "") -> tarfile.TarInfo:
     found = tarfile.TarInfo(name)
     found.type, found.linkname = kind, link
