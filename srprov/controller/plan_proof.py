@@ -16,6 +16,7 @@ from srprov.controller.owners import Owner, owners_of
 from srprov.errors import RefusedError
 from srprov.facts.model import Snapshot
 from srprov.modules.module import canonical
+from srprov.modules.secret import names_of
 from srprov.planning.planfile import PlanFile, document
 from srprov.record.memory import recall
 
@@ -32,6 +33,23 @@ def provers(saved: PlanFile) -> tuple[Owner, ...]:
         return ()
     digest = _digest(saved)
     return tuple(one for one in owners if hmac.compare_digest(one.plan_proof(digest), saved.proof))
+
+
+def refuse_kept_secrets(saved: PlanFile) -> None:
+    """Refuse a plan that was not written here and says of secrets that they are right already.
+
+    Their values are not read for it, so it may say of any that it comes from wherever it likes, also when the user lets
+    it change the instance.
+
+    Raises:
+        RefusedError: Names the secrets.
+    """
+    if kept := sorted(names_of(saved.also_wanted)):
+        raise RefusedError(
+            f"this plan was not written on this controller, and would use what is there of secrets: {', '.join(kept)}",
+            hint="plan its EDF here; or apply it by --signers FILE if it is signed",
+            code=Code.STRANGE_PLAN,
+        )
 
 
 def check_claim(saved: PlanFile, snapshot: Snapshot) -> None:

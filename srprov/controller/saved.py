@@ -22,7 +22,7 @@ from srprov.controller.old_values import as_reviewed, with_differences, without_
 from srprov.controller.ownership import check_source, looking, owned
 from srprov.controller.permissions import require_decided
 from srprov.controller.plan import Planned
-from srprov.controller.plan_proof import check_claim, proved, provers
+from srprov.controller.plan_proof import check_claim, proved, provers, refuse_kept_secrets
 from srprov.controller.staleness import refuse_stale
 from srprov.controller.writers import check_writers
 from srprov.definitions.model import NetworkSettings
@@ -135,6 +135,7 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
             refuse_labels(wants, trusted=adopt or signed)
             check_underlay(saved, {facts.underlay_address for facts in snapshot.facts.values()})
             if not signed:
+                refuse_kept_secrets(saved)
                 check_builders([step.want for step in saved.plan.steps if step.want], fleet.inventory, snapshot)
         _check_networks(wants, saved.plan.instance, snapshot)
         steps = _derived(saved, wants, snapshot, look, ours=bool(owners))

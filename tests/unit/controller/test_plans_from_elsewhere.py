@@ -59,17 +59,21 @@ def planned(world: World, what: Experiment, value: str, source: str = "lab@desk:
 
 
 @pytest.mark.parametrize(
-    ("source", "why"),
-    [("lab@desk:/e/fleet.edf", "not written on this controller.* on r1"), ("x@y:/z", "was made from")],
+    ("source", "adopt", "why"),
+    [
+        ("lab@desk:/e/fleet.edf", False, "not written on this controller"),
+        ("x@y:/z", False, "was made from"),
+        ("x@y:/z", True, "would use what is there of secrets: token"),
+    ],
 )
-def test_a_secret_that_a_failed_run_left_is_given_to_no_plan_from_elsewhere(source: str, why: str) -> None:
+def test_a_secret_that_a_failed_run_left_is_given_to_no_plan_from_elsewhere(source: str, adopt: bool, why: str) -> None:
     """It says that its secret is right already, and comes from another variable: its container had the user's."""
     world = after_a_failed_run("value-of-the-user")
     saved = planned(world, with_secret("HARMLESS"), "value-of-the-user", source)
     assert any(one.module == "secret" for one in saved.also_wanted)
     with pytest.raises(RefusedError, match=why):
-        check_plan(saved, fleet(world))
-    check_plan(saved, fleet(world), adopt=True)
+        check_plan(saved, fleet(world), adopt=adopt)
+    check_plan(saved, fleet(world), adopt=True, signed=True)
 
 
 def test_a_plan_from_elsewhere_places_no_service_of_an_instance_that_this_machine_has_put_on_other_robots() -> None:
