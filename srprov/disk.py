@@ -13,7 +13,7 @@ import itertools
 import os
 import stat
 import tarfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 import msgspec
 
 from srprov import regular_file
-from srprov.images.plan import ListedFile
+from srprov.images.plan import LEFT_OUT, ListedFile
 
 MAX_BYTES = 96 * regular_file.MIB
 """Of all that an experiment ships, and so of one file or folder, which definitions/paths.py tells at its line. It is
@@ -124,10 +124,10 @@ class _Found(msgspec.Struct, frozen=True):
     link: str | None
 
 
-def _below(root: str, without: str = "") -> list[_Found]:
+def _below(root: str, without: Collection[str] = ()) -> list[_Found]:
     """Return everything below a folder, sorted; raises OSError when that is too much, or a link took a folder's place.
 
-    What is called `without` is left out at any depth.
+    What has one of the names `without` is left out at any depth.
 
     Each folder is read by its descriptor: what stands in the list was in that folder, and nowhere else.
     """
@@ -137,7 +137,7 @@ def _below(root: str, without: str = "") -> list[_Found]:
         folder = folders.pop()
         with regular_file.real_folder(os.path.join(root, folder).rstrip("/")) as descriptor:
             for one in itertools.islice(os.scandir(descriptor), budget.files + 1):
-                if one.name == without:
+                if one.name in without:
                     continue
                 found.append(_found(os.path.join(folder, one.name), one, descriptor))
                 if stat.S_ISDIR(found[-1].mode):
@@ -156,14 +156,14 @@ def _found(path: str, one: os.DirEntry[str], folder: int) -> _Found:
 def tree_tar(path: str) -> bytes:
     """Return a file or folder as a tar with one top entry, equal for equal content: sorted, no owners, no times.
 
-    `.git` is left out, which holds tokens and differs between clones, but where the path itself lies in one.
+    `.git` and the like are left out, which hold tokens and differ between clones, but where the path lies in one.
 
     Raises:
         OSError: It cannot be read, holds too much, or something that is no file.
     """
     buffer, name, budget = io.BytesIO(), os.path.basename(path), _budget.get() or _Budget()
     mode = os.stat(path, follow_symlinks=False).st_mode
-    below = _below(path, "" if ".git" in path.split("/") else ".git") if stat.S_ISDIR(mode) else []
+    below = _below(path, LEFT_OUT if LEFT_OUT.isdisjoint(path.split("/")) else ()) if stat.S_ISDIR(mode) else []
     with tarfile.open(fileobj=buffer, mode="w", format=tarfile.PAX_FORMAT) as tar:
         for one in [_Found("", mode, None), *below]:
             entry = tarfile.TarInfo(os.path.join(name, one.path).rstrip("/"))

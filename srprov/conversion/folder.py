@@ -22,6 +22,7 @@ from srprov.conversion.experiment import Draft
 from srprov.conversion.report import as_markdown
 from srprov.conversion.tree import Tree
 from srprov.definitions import check_files
+from srprov.definitions.model import VERSION_CONTROL
 from srprov.errors import Diagnostic, UsageError
 from srprov.importing.normal import Refused
 from srprov.yamldoc import writer
@@ -32,7 +33,6 @@ _MOST_BYTES = 96 * regular_file.MIB
 _MOST_FILES = 20_000
 _DEEPEST = 50
 """Folders in each other that are copied."""
-_LEFT_OUT = frozenset({".git"})
 
 
 def check_target(folder: str) -> None:
@@ -133,7 +133,7 @@ class _Copying:
             self.tree.make(place)
             for entry in sorted(os.listdir(source)):
                 inner = os.path.join(source, entry)
-                if entry not in _LEFT_OUT and inner not in self.passed_over:
+                if entry not in VERSION_CONTROL and inner not in self.passed_over:
                     self._entry(inner, f"{place}/{entry}")
         elif source not in self.withheld:
             self._file(source, place)

@@ -116,13 +116,14 @@ def _checked(
     playbooks = playbook.from_experiment(root, folder, findings)
     checks.check(root, services, containers, findings)
     trial_definitions = trials.read(root, services, findings)
+    env_files = {name: _env_files(entry) for name, entry in checks.service_maps(root).items()}
     if findings.problems:
         raise DefinitionError(findings.problems)
     return replace(
         _experiment(root, path, services),
         secrets=sources,
         playbooks=playbooks,
-        outside=taken.outside(path, folder, services, containers),
+        outside=taken.outside(path, folder, services, containers, env_files),
         environment=bare,
         trials=trial_definitions,
     )
@@ -134,8 +135,12 @@ def _files(root: Map, experiment: Experiment, read: cdfs.Cdfs) -> tuple[str, ...
     for one in read.by_path.values():
         found |= {path for path in one.files if not any(paths.inside(path, tree) for tree in one.fetched)}
     for entry in checks.service_maps(root).values():
-        found |= {os.path.join(each.source.folder, each.text) for each in scalars(entry.entries.get("env_file"))}
+        found |= set(_env_files(entry))
     return tuple(sorted(map(os.path.normpath, found)))
+
+
+def _env_files(entry: Map) -> list[str]:
+    return [os.path.join(each.source.folder, each.text) for each in scalars(entry.entries.get("env_file"))]
 
 
 def _services(

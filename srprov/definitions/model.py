@@ -20,6 +20,8 @@ from srprov.errors import Diagnostic, Location
 from srprov.secret import Secret, Vault
 
 _NOWHERE = Location("")
+VERSION_CONTROL = frozenset({".git", ".hg", ".svn", ".bzr", ".jj"})
+"""Folders in which version control keeps, beside a project's files, what is its user's: addresses with tokens."""
 
 
 class Host(msgspec.Struct, frozen=True, kw_only=True):

@@ -17,6 +17,7 @@ from msgspec.structs import replace
 
 from srprov import regular_file
 from srprov.codes import Code
+from srprov.definitions.model import VERSION_CONTROL
 from srprov.errors import DefinitionError, Diagnostic, Location, UsageError
 from srprov.yamldoc.allowance import Allowance, current
 from srprov.yamldoc.nodes import Findings, Path, Scalar
@@ -37,6 +38,25 @@ def shown_beside(shown: str, relative: str) -> str:
 def inside(path: str, folder: str) -> bool:
     """Return whether a path, links followed, lies in a folder (or is it)."""
     return _is_below(os.path.realpath(path), os.path.realpath(folder))
+
+
+def belongs(path: str, folder: str) -> bool:
+    """Return whether a path, links followed, lies in a folder, and is not what the user's programs keep there.
+
+    That is what version control has, and what lies in the user's home, or holds it: where the folder is the home, all.
+    """
+    real, root = os.path.realpath(path), os.path.realpath(folder)
+    if not _is_below(real, root) or root == os.sep:
+        return False
+    below = os.path.relpath(real, root).lower()  # a disk may take names in any case
+    of_home = holds_home(root) and (inside(real, os.path.expanduser("~")) or holds_home(real))
+    return not of_home and VERSION_CONTROL.isdisjoint(below.split(os.sep))
+
+
+def holds_home(folder: str) -> bool:
+    """Return whether the user's home is a folder, or lies below it."""
+    home = os.path.expanduser("~")
+    return os.path.isabs(home) and inside(home, folder)
 
 
 def _is_below(real: str, root: str) -> bool:

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 
 from srprov.definitions.container import Container
 from srprov.definitions.merging import FROM_CONTROLLER
 from srprov.definitions.model import Service
-from srprov.definitions.paths import inside
+from srprov.definitions.paths import belongs, inside
 from srprov.git_address import parse_address
 from srprov.secret import Secret, Vault
 from srprov.yamldoc.nodes import Map
@@ -22,15 +22,20 @@ Taken = tuple[tuple[str, str], ...]
 
 
 def outside(
-    edf: str, folder: str, services: Mapping[str, Service], containers: Mapping[str, Container | None]
+    edf: str,
+    folder: str,
+    services: Mapping[str, Service],
+    containers: Mapping[str, Container | None],
+    env_files: Mapping[str, Collection[str]],
 ) -> Taken:
-    """Return service -> path, links followed, of everything read or shipped that is not in the experiment's folder.
+    """Return service -> path, links followed, of everything read or shipped that is not the experiment's own.
 
     Args:
         edf: Path of the EDF; one that is a link out of its folder counts for "the experiment", no service's name.
         folder: The experiment's folder.
         services: By name.
         containers: By the name of the service; None for an image.
+        env_files: Service -> the paths of those that the EDF names.
     """
     found = {("the experiment", os.path.realpath(edf))} if not inside(edf, folder) else set()
     for name, service in services.items():
@@ -38,8 +43,9 @@ def outside(
         # what was fetched is asked for as what git fetches
         homes = (folder, *(container.fetched if container else ()))
         paths = [mount.source for mount in service.runtime.mounts if mount.kind in ("tree", "data") and mount.source]
-        paths += _of_container(container)
-        found |= {(name, _named(path)) for path in paths if not any(inside(path, home) for home in homes)}
+        paths += [mount.seed.path for mount in service.runtime.mounts if mount.seed]
+        paths += [*_of_container(container), *env_files.get(name, ())]
+        found |= {(name, _named(path)) for path in paths if not any(belongs(path, home) for home in homes)}
         found |= {(name, _named(path)) for path in _local_repositories(container)}
     return tuple(sorted(found))
 

@@ -32,7 +32,7 @@ _MOST_WORK = 500_000_000
 """Characters of all patterns times characters of all paths."""
 # What never belongs to an image but would change its tag from one clone, or one edit of the experiment, to the next.
 # A `.dockerignore` can take it back with `!`.
-_ALWAYS = ("**/.git", "**/*.edf", "**/*.cdf", "**/experiment.lock")
+_ALWAYS = ("**/*.edf", "**/*.cdf", "**/experiment.lock")
 
 
 def entries_of(prefix: str, source: str, mode: str, listing: Listing, read: Read) -> list[ContextFile]:
@@ -45,7 +45,7 @@ def entries_of(prefix: str, source: str, mode: str, listing: Listing, read: Read
     if mode and not re.fullmatch(r"0?[0-7]{3,4}", mode):
         raise ValueError(f"mode '{mode}' is no octal number such as 0755")
     fixed = int(mode, 8) if mode else None
-    shipped = (item for item in listing(source) if ".git" not in item.path.split("/"))
+    shipped = (item for item in listing(source) if not item.left_out)
     return _entries(prefix, source, shipped, fixed, read)
 
 
@@ -83,7 +83,7 @@ def folder_items(folder: str, listing: Listing, read: Read) -> list[ListedFile]:
         OSError: Something cannot be read.
         ValueError: A name that cannot be, a pattern that is none, or more than an image's context may hold.
     """
-    items = list(listing(folder))
+    items = [item for item in listing(folder) if not item.left_out]  # also where a stranger's file takes it back
     ignore = ""
     if any(item.path == ".dockerignore" and item.link is None for item in items):
         content = read(f"{folder.rstrip('/')}/.dockerignore")

@@ -8,7 +8,11 @@ from types import MappingProxyType
 
 import msgspec
 
+from srprov.definitions.model import VERSION_CONTROL
 from srprov.errors import Location
+
+LEFT_OUT = VERSION_CONTROL
+"""Names of folders that are no part of what is shipped, at any depth."""
 
 
 class ListedFile(msgspec.Struct, frozen=True):
@@ -19,6 +23,11 @@ class ListedFile(msgspec.Struct, frozen=True):
     executable: bool = False
     link: str | None = None
     """Where a symbolic link points to; None for a file."""
+
+    @property
+    def left_out(self) -> bool:
+        """Whether it lies in what version control keeps."""
+        return not LEFT_OUT.isdisjoint(self.path.split("/"))
 
 
 class ContextFile(msgspec.Struct, frozen=True, kw_only=True):

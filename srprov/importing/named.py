@@ -10,14 +10,14 @@ import os
 from collections.abc import Sequence
 
 from srprov.codes import Code
-from srprov.definitions.paths import inside, link_out
+from srprov.definitions.paths import holds_home, inside, link_out
 from srprov.errors import Diagnostic
 from srprov.importing.normal import Refused
 from srprov.importing.position import Position
 
 
 def check_named(files: Sequence[str]) -> None:
-    """Refuse files that links lead out of the folder in which they are named.
+    """Refuse files that links lead out of the folder in which they are named, or that lie in the user's home.
 
     Of several files, that is the outermost folder of one that also holds the other by its name: a link to a folder in
     a project leads out of it as well. No link in a relative path leaves its own folder, whatever other files there are.
@@ -25,6 +25,10 @@ def check_named(files: Sequence[str]) -> None:
     Raises:
         Refused: One of them is such a file.
     """
+    for one in files:
+        if holds_home(os.path.dirname(os.path.abspath(one))):
+            message, hint = "it lies in your home, of which it may name any file", "put it into a folder of its own"
+            raise Refused([Diagnostic(Position(one), message, hint=hint, code=Code.OUTSIDE)])
     folders = sorted({os.path.dirname(os.path.abspath(one)) for one in files}, key=len)
     for one in files:
         path = os.path.abspath(one)

@@ -136,8 +136,9 @@ def test_show_moves_no_cursor_whatever_a_dockerfile_says(
     world: World, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     """What turns the writing around, or is not to be seen, is shown by number; tabs stay. Others are refused."""
-    Path("Dockerfile").write_text("FROM busybox\nRUN echo\t'\u202egnp.exe' \u200b\n# \U000e0041\n")
-    Path("a.cdf").write_text("cdf: 1\ndockerfile: Dockerfile\n")
+    Path("image").mkdir()
+    Path("image/Dockerfile").write_text("FROM busybox\nRUN echo\t'\u202egnp.exe' \u200b\n# \U000e0041\n")
+    Path("a.cdf").write_text("cdf: 1\ndockerfile: image/Dockerfile\n")
     text = show(capsys)
     assert "RUN echo\t'\\u202egnp.exe' \\u200b\n# \\U000e0041\n" in text
     Path("a.cdf").write_text('cdf: 1\nbase: busybox\nrun: ["echo \\e[2J"]\n')

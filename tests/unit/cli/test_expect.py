@@ -15,7 +15,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Give the folder of an experiment for one robot."""
     (tmp_path / "e.edf").write_text("edf: 1\nname: hello\nservices:\n  a: {image: busybox}\n")
     (tmp_path / "inv.yml").write_text("all: {hosts: {r1: {ansible_host: 10.0.0.1}}}\n")
-    for name in ("HOME", "XDG_STATE_HOME", "XDG_CONFIG_HOME"):
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    for name in ("XDG_STATE_HOME", "XDG_CONFIG_HOME"):
         monkeypatch.setenv(name, str(tmp_path))
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[3]))

@@ -120,6 +120,8 @@ def test_what_is_shipped_leaves_git_out(tmp_path: Path, kind: str) -> None:
     """It may hold tokens; who names the folder itself gets it."""
     inner = tmp_path / "src" / ".git"
     inner.mkdir(parents=True)
+    (tmp_path / "src" / "below" / ".hg").mkdir(parents=True)
+    (tmp_path / "src" / "below" / ".hg" / "hgrc").write_text("default = https://me:token@example.com\n")
     (inner / "config").write_text("url = https://token@example.com\n")
     (tmp_path / "src" / "a.py").touch()
 
@@ -129,6 +131,7 @@ def test_what_is_shipped_leaves_git_out(tmp_path: Path, kind: str) -> None:
         return [one.path for one in entries_of("0", str(path), "", disk.listing, disk.read)]
 
     assert "a.py" in " ".join(shipped(tmp_path / "src")) and ".git" not in " ".join(shipped(tmp_path / "src"))
+    assert ".hg" not in " ".join(shipped(tmp_path / "src"))
     assert "config" in " ".join(shipped(inner))
 
 

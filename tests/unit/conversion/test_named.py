@@ -71,3 +71,14 @@ def test_what_the_user_names_himself_is_read(private: Path) -> None:
     assert run(["import", "compose", "project/now.yml", "--env-file", f"{private}/vars.env", "-o", "one"]) == 0
     assert CANARY in Path("one/experiment.edf").read_text()
     assert run(["import", "swarmrob", "project/swarm.yml", f"{private}/Dockerfile", "-o", "two"]) == 0
+
+
+@pytest.mark.parametrize("tool", [("compose", "compose.yml"), ("swarmrob", "swarm.yml")])
+def test_nothing_beside_a_file_in_the_home_is_imported(
+    private: Path, tool: tuple[str, str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Keys lie there, and `volumes: [./.ssh:/s]` would make them files of the experiment."""
+    project = private.parents[1] / "project"
+    monkeypatch.setenv("HOME", str(project))
+    assert run(["import", tool[0], str(project / tool[1]), "-o", "out"]) == 5
+    assert "it lies in your home" in capsys.readouterr().err and not (private.parents[1] / "out").exists()

@@ -90,6 +90,48 @@ def test_what_lies_in_the_folder_asks_for_nothing(here: Path) -> None:
     assert asked(path, A="2") == set()
 
 
+@pytest.mark.parametrize(
+    ("service", "top", "what"),
+    [
+        ("{image: x, volumes: ['./.git:/g']}", "", ".git/"),
+        ("{image: x, volumes: ['./.git/config:/g']}", "", ".git/config"),
+        ("{image: x, volumes: ['./link:/g']}", "", ".git/config"),
+        ("{image: x, volumes: ['./sub/.hg:/g']}", "", "sub/.hg/"),
+        ("{image: x, volumes: ['./.Git:/g']}", "", ".Git/"),
+        ("{image: x, volumes: ['v:/g']}", "volumes: {v: {seed: ./.git}}\n", ".git/"),
+        ("{image: x, data: [{path: .git/config, target: /g}]}", "", ".git/config"),
+        ("{image: x, env_file: .git/HEAD}", "", ".git/HEAD"),
+        ("{cdf: t.cdf}", "", ".git/config"),
+    ],
+)
+def test_what_version_control_keeps_in_the_folder_is_asked_for(here: Path, service: str, top: str, what: str) -> None:
+    """The address of a clone may hold its user's token: who wrote the EDF knows where it lies."""
+    exp = here / "exp"
+    for folder in (".git", ".Git", "sub/.hg"):
+        (exp / folder).mkdir(parents=True)
+    (exp / ".git" / "config").write_text("url = https://me:token@example.org/x.git\n")
+    (exp / ".git" / "HEAD").write_text("ref: refs/heads/main\n")
+    (exp / "link").symlink_to(".git/config")
+    (exp / "t.cdf").write_text("cdf: 1\nbase: busybox\nfiles: [{src: .git/config, dest: /g}]\n")
+    assert asked(edf(here, service, top)) == {("outside", f"{exp}/{what}")}
+
+
+@pytest.mark.parametrize("home", ["exp", ".", "exp/.ssh", "exp/.ssh/ada"])
+def test_what_lies_beside_an_edf_in_the_home_is_asked_for(
+    here: Path, home: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file that came by mail is put anywhere; keys and tokens lie in known places of a home."""
+    exp = here / "exp"
+    (exp / ".ssh").mkdir()
+    (exp / "v.env").write_text("A=1\n")
+    (exp / "t.cdf").write_text("cdf: 1\nimage: busybox\n")
+    monkeypatch.setenv("HOME", str(here / home))
+    path = edf(here, "{cdf: t.cdf, env_file: v.env, volumes: ['./.ssh:/s']}")
+    beside = {("outside", str(exp / name)) for name in ("t.cdf", "v.env")}
+    shipped = {("outside", f"{exp}/.ssh/")}
+    assert asked(path) == {"exp": beside | shipped, ".": set()}.get(home, shipped)
+
+
 @pytest.mark.parametrize("verb", [["plan"], ["apply", "--yes"], ["plan", "--allow", "env", "--allow", "secret"]])
 def test_without_permission_nothing_from_outside_is_planned(
     here: Path, capsys: pytest.CaptureFixture[str], verb: list[str]

@@ -112,6 +112,13 @@ def test_a_dockerfiles_folder() -> None:
     assert found == {"Dockerfile", ".dockerignore", "src/a.c", "x.cdf"}
 
 
+def test_no_dockerignore_takes_back_what_version_control_keeps() -> None:
+    lab = Disk({f"/lab/{name}": b"" for name in ("Dockerfile", ".git/config", "src/.hg/hgrc", "src/a.c")})
+    lab.files["/lab/.dockerignore"] = b"!**/.git\n!.git\n!.git/config\n!src/.hg\n"
+    found = {entry.path for entry in folder_entries("/lab", lab.listing, lab.read)}
+    assert found == {"Dockerfile", ".dockerignore", "src/a.c"}
+
+
 HOSTILE = {
     "stars": ("*a" * 60 + "b", "a" * 250),
     "folders": ("**/a/" * 40 + "b", "a/" * 500 + "c"),
