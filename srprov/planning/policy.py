@@ -19,6 +19,7 @@ from srprov.errors import RefusedError
 from srprov.image_reference import parse_reference
 from srprov.modules.mount_kind import GRAVE, below, mount_kind, plain, written_by
 from srprov.network.identity import is_for_overlays
+from srprov.planning.graver import EVERY_PROCESS, noted, of_capability, of_device, of_rule
 from srprov.planning.image_origin import not_from_a_registry
 from srprov.planning.log_options import of_logging
 
@@ -29,8 +30,7 @@ KINDS = (
     "host-ipc",
     "host-path",
     "docker-socket",
-    "device",
-    "gpu",
+    *("device", "gpu"),
     "capability",
     "sysctl",
     "security-opt",
@@ -188,11 +188,11 @@ def _namespaces(run: Runtime) -> Iterator[tuple[str, str]]:
     if run.privileged:
         yield "privileged", "all devices and capabilities of the robot"
     if run.pid:
-        yield "host-pid", f"pid: {run.pid}"
+        yield "host-pid", noted(f"pid: {run.pid}", EVERY_PROCESS)
     if run.ipc and run.ipc not in ("private", "none"):
         yield "host-ipc", f"ipc: {run.ipc}"
     for capability in run.cap_add:
-        yield "capability", capability
+        yield "capability", noted(capability, of_capability(capability))
     for name, value in sorted(run.sysctls.items()):
         yield "sysctl", f"{name}={value}"
     for option in run.security_opt:
@@ -219,9 +219,9 @@ def _hardware(run: Runtime, written: _Places) -> Iterator[tuple[str, str]]:
         if where:
             yield "privileged", f"the device {path} ({rights}; {where}: it may be any device)"
         else:
-            yield "device", f"{path} ({rights})"
+            yield "device", noted(path, "; ".join(filter(None, (rights, of_device(plain(path))))))
     for rule in run.device_cgroup_rules:
-        yield "device", f"cgroup rule {rule}"
+        yield "device", noted(f"cgroup rule {rule}", of_rule(rule))
     if run.gpus:
         yield "gpu", f"gpus: {run.gpus}"
 

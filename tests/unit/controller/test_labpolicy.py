@@ -54,7 +54,8 @@ def test_what_the_policy_forbids_no_flag_allows(tmp_path: Path) -> None:
     """The refusal names the policy's file and line."""
     given = policies(tmp_path, "registries: [docker.io]\nallow:\n  all: [host-network]\n")
     made = plan(network="host", cap_add=("SYS_ADMIN",))
-    place = f"{tmp_path / 'etc' / 'policy.yml'}:3 does not allow capability on r1 (a: SYS_ADMIN)"
+    what = "a: SYS_ADMIN (as good as root on the robot)"
+    place = f"{tmp_path / 'etc' / 'policy.yml'}:3 does not allow capability on r1 ({what})"
     assert refused(made, given) == place
     permit_run(plan(network="host"), ("all",), ARMS, given)
 

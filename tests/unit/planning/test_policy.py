@@ -10,12 +10,14 @@ from msgspec.structs import replace
 from srprov.definitions.containermodel import ContainerDefinition, Logging, Mount
 from srprov.definitions.model import NetworkSettings
 from srprov.definitions.secretmodel import SecretSource, SecretUse
+from srprov.planning.graver import EVERY_PROCESS
 from srprov.planning.policy import KINDS, permissions, refused
 from tests.bounded import bounded
 from tests.worlds import experiment, service
 
 SOCKET = "/run/docker.sock"
 ONLY = "read-only, but for what is mounted below it"
+ROOT = "as good as root on the robot"
 HOLDS = "holds the engine's socket"
 KEPT = ("/run/docker", "/var/run/docker/plugins", "/var/lib/docker/volumes", "/var/lib/docker", "/var", "/var/lib",
         "/var/lib/../lib/containerd/", "/run/srprov", "/var/run/srprov/x", "/var/lib/srprov/x", "/var/lib/containers",
@@ -26,13 +28,13 @@ ASKS: list[tuple[dict[str, Any], list[tuple[str, str]]]] = [
     ({"network": "host"}, [("host-network", "the robot's network")]),
     ({"network": "both"}, [("host-network", "the robot's network")]),
     ({"privileged": True}, [("privileged", "all devices and capabilities of the robot")]),
-    ({"pid": "host"}, [("host-pid", "pid: host")]),
-    ({"pid": "container:other"}, [("host-pid", "pid: container:other")]),
+    ({"pid": "host"}, [("host-pid", f"pid: host ({EVERY_PROCESS})")]),
+    ({"pid": "container:other"}, [("host-pid", f"pid: container:other ({EVERY_PROCESS})")]),
     ({"ipc": "host"}, [("host-ipc", "ipc: host")]),
     ({"ipc": "shareable"}, [("host-ipc", "ipc: shareable")]),
     ({"ipc": "private"}, []),
     ({"ipc": "none"}, []),
-    ({"cap_add": ("SYS_ADMIN", "NET_ADMIN")}, [("capability", "NET_ADMIN"), ("capability", "SYS_ADMIN")]),
+    ({"cap_add": ("SYS_ADMIN", "NET_ADMIN")}, [("capability", "NET_ADMIN"), ("capability", f"SYS_ADMIN ({ROOT})")]),
     ({"sysctls": {"net.x": "1"}}, [("sysctl", "net.x=1")]),
     ({"security_opt": ("apparmor=unconfined",)}, [("security-opt", "apparmor=unconfined")]),
     ({"devices": (("/dev/a", "/dev/b", "rwm"),)}, [("device", "/dev/a (rwm)")]),
@@ -161,6 +163,75 @@ def test_thousands_of_paths_are_compared_in_time() -> None:
     what = experiment(service("a", mounts=(*many, *deep)))
     kinds = bounded(lambda: [one.kind for one in permissions(what)])
     assert kinds.count("docker-socket") == 1
+
+
+@pytest.mark.parametrize(
+    "run",
+    [
+        {"pid": "host"},
+        {"cap_add": ("CAP_DAC_READ_SEARCH",)},
+        {"cap_add": ("ALL",)},
+        *(
+            {"devices": ((f"/dev/{name}", "/dev/x", "r"),)}
+            for name in (
+                *(
+                    "sda",
+                    "sda1",
+                    "vdb",
+                    "nvme0",
+                    "nvme0n1",
+                    "nvme0n1p2",
+                    "mmcblk0",
+                    "mmcblk0p1",
+                    "mmcblk0boot0",
+                    "dm-0",
+                ),
+                *(
+                    "mapper/root",
+                    "disk/by-id/x",
+                    "block/8:0",
+                    "./sda",
+                    "md127",
+                    "md/0",
+                    "mtd0",
+                    "mtdblock0",
+                    "sg1",
+                    "loop0p1",
+                ),
+            )
+        ),
+        *({"device_cgroup_rules": (rule,)} for rule in ("a *:* rwm", "b 8:0 rw", "c *:* r", "c 21:* rw")),
+    ],
+)
+def test_what_is_as_good_as_root_is_said(run: dict[str, Any]) -> None:
+    """A container may be any user of the robot, and reads the files of whoever has no more capabilities than it has."""
+    (asked,) = permissions(experiment(service("a", **run)))
+    assert asked.kind not in ("privileged", "docker-socket") and "as good as root" in asked.what
+
+
+@pytest.mark.parametrize(
+    "run",
+    [
+        {"cap_add": ("NET_ADMIN", "SYS_NICE", "SYS_TIME")},
+        *(
+            {"devices": ((f"/dev/{name}", "/dev/x", "rwm"),)}
+            for name in (
+                "ttyUSB0",
+                "video0",
+                "snd",
+                "dri/renderD128",
+                "input",
+                "i2c-1",
+                "spidev0.0",
+                "gpiochip0",
+                "shared",
+            )
+        ),
+        {"device_cgroup_rules": ("c 81:* rmw", "c 189:* rw", "c 210:1 r")},
+    ],
+)
+def test_what_robots_are_made_of_is_not_called_root(run: dict[str, Any]) -> None:
+    assert not any("root" in one.what for one in permissions(experiment(service("a", **run))))
 
 
 def test_a_device_in_a_folder_that_a_container_writes_to_may_be_any() -> None:
