@@ -70,7 +70,9 @@ class TreeModule(Module[TreeParams]):
             f"rm -f {quote(tar)} && chmod 0755 {quote(part)} && mv {quote(part)} {quote(final)}"
         )
         commands = (Put(path=tar, content=want.blob, mode=0o600, timeout_s=600), Run(script=unpack, timeout_s=600))
-        return Change(action=Action.CREATE, cause=f"not shipped yet ({len(want.blob)} bytes)", commands=commands)
+        top = top_of(want.blob)  # who wrote the EDF may have named any file beside it
+        cause = f"{f'{top} is ' if top else ''}not shipped yet ({len(want.blob)} bytes)"
+        return Change(action=Action.CREATE, cause=cause, commands=commands)
 
     def is_own(self, name: str, want: TreeParams, names: Names) -> bool:
         """Compare the name with the content's hash; and take only files and folders below one that is no link."""
@@ -98,6 +100,15 @@ def plain_digest(blob: bytes) -> str:
     if len(tops) != 1 or tops[0].link is not None or any(one.mode not in (0o644, 0o755) for one in members):
         return ""
     return hashlib.sha256(blob).hexdigest()[:24]
+
+
+@functools.lru_cache(maxsize=4096)
+def top_of(blob: bytes) -> str:
+    """Return the name that a tar's file or folder had on the controller; "" for a tar that srprov does not ship."""
+    try:
+        return next(plain_tar.members(blob)).path.partition("/")[0]
+    except (ValueError, StopIteration):  # of a plan file, which may hold anything
+        return ""
 
 
 def mounted_tree(value: str | None) -> tuple[str, str]:

@@ -20,7 +20,7 @@ import msgspec
 from srprov.modules.container_form import WORD
 from srprov.modules.module import INSTANCE, LABEL_FILTER, SOURCE, STATE_ROOT, Module, Names, canonical
 from srprov.modules.params import ParameterError
-from srprov.modules.tree import plain_digest
+from srprov.modules.tree import plain_digest, top_of
 from srprov.resource import Action, Change, Observed, State
 from srprov.untrusted import mappings, string, string_map
 from srprov.wire import AnyQuery, Command, CopyVolume, EngineCall, EngineQuery, Put, Reply, Run, quote
@@ -135,7 +135,8 @@ class VolumeModule(Module[VolumeParams]):
             _remove(half),
         )
         if want.blob is not None and not want.from_:
-            cause = f"{cause}, made with its seed ({len(want.blob)} bytes)"
+            top = top_of(want.blob)
+            cause = f"{cause}, made with its seed {f'{top} ' if top else ''}({len(want.blob)} bytes)"
             return Change(action=Action.CREATE, cause=cause, commands=commands)
         cause = f"copied from {want.from_}, compared by hash, then removed there"
         return Change(action=Action.RUN, cause=cause, commands=commands)

@@ -72,7 +72,7 @@ def test_a_seed_is_brought_once_and_what_services_wrote_since_stays(robots: Robo
     """A changed seed is named by the plan, and changes nothing, not even a file beside the volume."""
     first = robots.write("one")
     (step,) = [one for one in robots.apply().steps if one.module == "volume"]
-    assert step.change.cause.startswith("not there, made with its seed (")
+    assert step.change.cause.startswith("not there, made with its seed config (")
     engine = robots.world.robots["r1"].engine
     assert engine.data[NAME] == first and engine.volumes.keys() == {NAME}
     engine.data[NAME] = "what a service wrote"
