@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from srprov.definitions.model import makes_repository
 from srprov.errors import visible
 
 _MOST_TOLD, _LONGEST = 1000, 400
@@ -19,6 +21,8 @@ class Copied:
     left_out: list[str] = field(default_factory=list)
     """What was not, and why: the first ones."""
     more_left_out: int = 0
+    _repository: str = ""
+    """The last one that was left out."""
 
     def leave_out(self, path: str, why: str) -> None:
         """Note that something does not come; a container may have any number of such things."""
@@ -26,3 +30,18 @@ class Copied:
             self.left_out.append(f"{visible(path[:_LONGEST])}: {visible(why[:_LONGEST])}")
         else:
             self.more_left_out += 1
+
+    def leave_repository(self, parts: Sequence[str], first: int) -> bool:
+        """Return whether something would make a repository here, or lies in what would, and note that once.
+
+        Args:
+            parts: The names on the way to it.
+            first: The first one that the container chose.
+        """
+        at = next((at for at, part in enumerate(parts) if at >= first and makes_repository(part)), None)
+        if at is None:
+            return False
+        if (path := "/".join(parts[: at + 1])) != self._repository:
+            self._repository = path
+            self.leave_out(path, "a repository here could name programs; take it as a tar, with `-`")
+        return True

@@ -85,6 +85,8 @@ class _Tree:
     def add(self, header: tarfile.TarInfo, content: Iterator[bytes]) -> None:
         """Write one member."""
         parts = self._place(header.name)
+        if self._copied.leave_repository(parts, self._above):
+            return
         if header.isdir():
             self._enter(parts, header)
             return

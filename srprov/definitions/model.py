@@ -24,6 +24,15 @@ VERSION_CONTROL = frozenset({".git", ".hg", ".svn", ".bzr", ".jj"})
 """Folders in which version control keeps, beside a project's files, what is its user's: addresses with tokens."""
 
 
+def makes_repository(name: str) -> bool:
+    """Return whether a file or folder of this name may make the one that holds it a repository.
+
+    Settings of one name programs, which run here as soon as git is asked for its status, as many prompts of shells do.
+    A folder with `HEAD` in it may be one by itself.
+    """
+    return name.casefold() in VERSION_CONTROL or name.casefold() == "head"
+
+
 class Host(msgspec.Struct, frozen=True, kw_only=True):
     """One robot of the inventory, with what srprov reads of its variables."""
 

@@ -14,7 +14,7 @@ from typing import TypeVar
 
 from srprov.codes import Code
 from srprov.definitions import trialchecks, trialconditions
-from srprov.definitions.model import Service
+from srprov.definitions.model import Service, makes_repository
 from srprov.definitions.trialsmodel import Limits, Margin, Metric, Parameter, Result, TrialDefinitions, TrialSettings
 from srprov.definitions.values import duration, scalars, text, texts
 from srprov.yamldoc import nodes
@@ -189,10 +189,14 @@ def _results(root: Map, findings: Findings) -> dict[str, tuple[Result, ...]]:
 
 
 def _result(node: Node, path: Path, findings: Findings) -> Result:
-    if isinstance(node, Scalar):
-        return Result(path=node.text)
     get = _map(node).get
     most, required = get("max"), get("required")
+    place = node if isinstance(node, Scalar) else get("path")
+    if place is not None and any(map(makes_repository, text(place).split("/"))):
+        told = f"'{text(place)[:80]}' would make a repository here, whose settings may name programs"
+        findings.add(place, told, path, "have the service pack it into a file", code=Code.WRONG_VALUE)
+    if isinstance(node, Scalar):
+        return Result(path=node.text)
     return Result(
         path=text(get("path")),
         required=bool(required is not None and nodes.as_bool(required)),

@@ -17,7 +17,7 @@ from msgspec.structs import replace
 
 from srprov import believed, private, regular_file
 from srprov.codes import Code
-from srprov.definitions.model import Host, Inventory
+from srprov.definitions.model import Host, Inventory, makes_repository
 from srprov.errors import RefusedError, UsageError, did_you_mean
 from srprov.evidence import story, verify
 from srprov.evidence.compare_inputs import facts_of
@@ -112,8 +112,8 @@ def unpack(bundle: Bundle, folder: Path) -> None:
     with _opened(bundle) as (files, told):
         home = f"{told.home}/inputs/"
         names = [name for name in below(files, home) if name != home + _INVENTORY]
-        if any(".git" in name.split("/") for name in names):
-            why = f"{bundle.path} holds a folder .git, which would say whose experiment it is"
+        if strange := next((one for name in names for one in name.split("/") if makes_repository(one)), ""):
+            why = f"{bundle.path} holds {strange}: a repository would say whose experiment it is, or name programs"
             raise UsageError(why, hint="ask its author for one without it", code=Code.REPLAY)
         contents = {folder / name.removeprefix(home): content(files, name) for name in names}
         absent = {folder / one for one in data_sets(files, told.home)}

@@ -17,6 +17,7 @@ from typing import BinaryIO, TextIO
 import msgspec
 
 from srprov import private
+from srprov.definitions.model import makes_repository
 from srprov.secret import redact_lines
 
 MOST_LOG = 1 << 30
@@ -157,6 +158,8 @@ def _part(part: str) -> str:
     safe = "".join(one if one.isprintable() and one not in _UNSAFE else _escaped(one) for one in part)
     if safe.strip(". ") == "":
         safe = safe.replace(".", "%2E").replace(" ", "%20")
+    if makes_repository(safe):
+        safe = f"%{ord(safe[0]):02X}{safe[1:]}"
     data = safe.encode()
     if len(data) > _LONGEST_NAME:
         safe = data[: _LONGEST_NAME - 17].decode("utf-8", "ignore") + "%" + hashlib.sha256(data).hexdigest()[:16]

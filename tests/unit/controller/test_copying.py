@@ -104,6 +104,30 @@ def tree(folder: Path) -> dict[str, str]:
     return {str(one.relative_to(folder)): one.read_text() for one in sorted(folder.rglob("*")) if one.is_file()}
 
 
+@pytest.mark.parametrize("folder", [".git", "sub/.Git", ".hg"])
+def test_a_container_makes_no_repository_here(engine: Engine, here: Path, folder: str) -> None:
+    """Settings of one name programs, and a prompt that asks git for its status runs them."""
+    (here / folder).mkdir(parents=True)
+    (here / folder / "config").write_text("mine")
+    (engine.root / "out" / folder / "hooks").mkdir(parents=True)
+    for name in ("config", "hooks/pre-commit"):
+        (engine.root / "out" / folder / name).write_text("its own")
+    copied = out(engine, "s:/out/.", ".")
+    assert tree(here) == {"a.txt": "a", "deep/run.sh": "#!/bin/sh\n", f"{folder}/config": "mine"}
+    assert [one.partition(":")[0] for one in copied.left_out] == [folder]
+
+
+def test_a_folder_that_is_a_repository_by_itself_comes_as_none(engine: Engine, here: Path) -> None:
+    (engine.root / "out/bare/refs").mkdir(parents=True)
+    (engine.root / "out/bare/config").write_text("[core]\nworktree = .\n")
+    (engine.root / "out/bare/HEAD").symlink_to("config")
+    copied = out(engine, "s:/out", "new")
+    assert not (here / "new/bare/HEAD").is_symlink() and (here / "new/bare/config").exists()
+    assert [one.partition(":")[0] for one in copied.left_out] == ["new/bare/HEAD"]
+    out(engine, "s:/out/bare/config", "HEAD")
+    assert (here / "HEAD").exists()  # the user's own word
+
+
 @pytest.mark.parametrize(
     ("word", "target", "found"),
     [

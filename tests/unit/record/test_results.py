@@ -25,6 +25,22 @@ def named(paths: Iterable[str]) -> list[str]:
     return [names.name(path.split("/")) for path in paths]
 
 
+@pytest.mark.parametrize(
+    ("path", "name"),
+    [
+        (".git/config", "%2Egit/config"),
+        ("a/.Git/HEAD", "a/%2EGit/%48EAD"),
+        (".hg/hgrc", "%2Ehg/hgrc"),
+        ("bare/head", "bare/%68ead"),
+        (".github/x", ".github/x"),
+        ("HEADER", "HEADER"),
+    ],
+)
+def test_no_result_makes_a_repository_here(path: str, name: str) -> None:
+    """Its settings would name programs, which run as soon as git is asked for its status in it."""
+    assert Names().name(path.split("/")) == name
+
+
 def test_names_that_differ_only_by_case_are_no_work() -> None:
     paths = ["".join(c.upper() if number >> bit & 1 else c for bit, c in enumerate("abcdefghijklm"))
              for number in range(3000)]  # fmt: skip
