@@ -31,14 +31,16 @@ class Copied:
         else:
             self.more_left_out += 1
 
-    def leave_repository(self, parts: Sequence[str], first: int) -> bool:
+    def leave_repository(self, parts: Sequence[str], first: int, *, folder: bool) -> bool:
         """Return whether something would make a repository here, or lies in what would, and note that once.
 
         Args:
             parts: The names on the way to it.
             first: The first one that the container chose.
+            folder: Whether it is a folder itself.
         """
-        at = next((at for at, part in enumerate(parts) if at >= first and makes_repository(part)), None)
+        own = range(first, len(parts))
+        at = next((at for at in own if makes_repository(parts[at], folder=folder or at < own[-1])), None)
         if at is None:
             return False
         if (path := "/".join(parts[: at + 1])) != self._repository:

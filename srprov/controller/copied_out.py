@@ -85,7 +85,7 @@ class _Tree:
     def add(self, header: tarfile.TarInfo, content: Iterator[bytes]) -> None:
         """Write one member."""
         parts = self._place(header.name)
-        if self._copied.leave_repository(parts, self._above):
+        if self._copied.leave_repository(parts, self._above, folder=header.isdir()):
             return
         if header.isdir():
             self._enter(parts, header)

@@ -24,13 +24,13 @@ VERSION_CONTROL = frozenset({".git", ".hg", ".svn", ".bzr", ".jj"})
 """Folders in which version control keeps, beside a project's files, what is its user's: addresses with tokens."""
 
 
-def makes_repository(name: str) -> bool:
-    """Return whether a file or folder of this name may make the one that holds it a repository.
+def makes_repository(name: str, *, folder: bool) -> bool:
+    """Return whether a folder, or anything else, of this name may make the folder that holds it a repository.
 
     Settings of one name programs, which run here as soon as git is asked for its status, as many prompts of shells do.
-    A folder with `HEAD` in it may be one by itself.
+    A folder with a file `HEAD` may be one by itself; a disk may take names in any case.
     """
-    return name.casefold() in VERSION_CONTROL or name.casefold() == "head"
+    return name.casefold() in VERSION_CONTROL or (name.casefold() == "head" and not folder)
 
 
 class Host(msgspec.Struct, frozen=True, kw_only=True):

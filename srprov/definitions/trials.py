@@ -192,7 +192,7 @@ def _result(node: Node, path: Path, findings: Findings) -> Result:
     get = _map(node).get
     most, required = get("max"), get("required")
     place = node if isinstance(node, Scalar) else get("path")
-    if place is not None and any(map(makes_repository, text(place).split("/"))):
+    if place is not None and any(makes_repository(one, folder=True) for one in text(place).split("/")):
         told = f"'{text(place)[:80]}' would make a repository here, whose settings may name programs"
         findings.add(place, told, path, "have the service pack it into a file", code=Code.WRONG_VALUE)
     if isinstance(node, Scalar):

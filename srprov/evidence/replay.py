@@ -101,6 +101,11 @@ def _needed(told: Story, robot: str, facts: Mapping[str, Any]) -> Needed:
     return Needed(tags=tuple(sorted(tags)), devices=tuple(sorted(devices)), arch=arch)
 
 
+def _in_repository(name: str) -> bool:
+    *folders, last = name.split("/")
+    return makes_repository(last, folder=False) or any(makes_repository(one, folder=True) for one in folders)
+
+
 def unpack(bundle: Bundle, folder: Path) -> None:
     """Write the definitions of a bundle's last session into a folder, which is new, or has just them already.
 
@@ -112,8 +117,9 @@ def unpack(bundle: Bundle, folder: Path) -> None:
     with _opened(bundle) as (files, told):
         home = f"{told.home}/inputs/"
         names = [name for name in below(files, home) if name != home + _INVENTORY]
-        if strange := next((one for name in names for one in name.split("/") if makes_repository(one)), ""):
-            why = f"{bundle.path} holds {strange}: a repository would say whose experiment it is, or name programs"
+        if strange := next(filter(_in_repository, names), ""):
+            what = f"{bundle.path} holds {strange.removeprefix(home)}"
+            why = f"{what}: a repository would say whose experiment it is, or name programs"
             raise UsageError(why, hint="ask its author for one without it", code=Code.REPLAY)
         contents = {folder / name.removeprefix(home): content(files, name) for name in names}
         absent = {folder / one for one in data_sets(files, told.home)}

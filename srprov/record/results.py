@@ -107,7 +107,7 @@ def timed_lines(stream: TextIO) -> Iterator[tuple[str, str]]:
 
 def is_safe_name(path: str) -> bool:
     """Return whether a file of this path is kept under just that."""
-    return all(_part(part) == part for part in path.strip("/").split("/"))
+    return all(_part(part, folder=True) == part for part in path.strip("/").split("/"))
 
 
 class Names:
@@ -132,18 +132,18 @@ class Names:
         """
         folder, names = self, []
         for part in parts[:-1]:
-            names.append(folder._own(part))
+            names.append(folder._own(part, folder=True))
             if part not in folder._folders:
                 self._made += 1
                 if self._made > MOST_FOLDERS:
                     raise TooManyFolders(f"it has more than {MOST_FOLDERS} folders")
                 folder._folders[part] = Names()
             folder = folder._folders[part]
-        return "/".join([*names, folder._own(parts[-1])])
+        return "/".join([*names, folder._own(parts[-1], folder=False)])
 
-    def _own(self, part: str) -> str:
+    def _own(self, part: str, *, folder: bool) -> str:
         if part not in self._names:
-            name = safe = _part(part)
+            name = safe = _part(part, folder=folder)
             number = self._last.get(safe.casefold(), 1)
             while name.casefold() in self._used:
                 number += 1
@@ -154,11 +154,11 @@ class Names:
         return self._names[part]
 
 
-def _part(part: str) -> str:
+def _part(part: str, *, folder: bool) -> str:
     safe = "".join(one if one.isprintable() and one not in _UNSAFE else _escaped(one) for one in part)
     if safe.strip(". ") == "":
         safe = safe.replace(".", "%2E").replace(" ", "%20")
-    if makes_repository(safe):
+    if makes_repository(safe, folder=folder):
         safe = f"%{ord(safe[0]):02X}{safe[1:]}"
     data = safe.encode()
     if len(data) > _LONGEST_NAME:

@@ -121,8 +121,10 @@ def test_a_folder_that_is_a_repository_by_itself_comes_as_none(engine: Engine, h
     (engine.root / "out/bare/refs").mkdir(parents=True)
     (engine.root / "out/bare/config").write_text("[core]\nworktree = .\n")
     (engine.root / "out/bare/HEAD").symlink_to("config")
+    (engine.root / "out/bare/head").mkdir()
     copied = out(engine, "s:/out", "new")
     assert not (here / "new/bare/HEAD").is_symlink() and (here / "new/bare/config").exists()
+    assert (here / "new/bare/head").is_dir(), "a folder of a robot's head"
     assert [one.partition(":")[0] for one in copied.left_out] == ["new/bare/HEAD"]
     out(engine, "s:/out/bare/config", "HEAD")
     assert (here / "HEAD").exists()  # the user's own word

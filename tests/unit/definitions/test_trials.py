@@ -176,6 +176,7 @@ metrics:
         ("results: {nobody: [/x]}", 7, "there is no service 'nobody'"),
         ("results: {referee: [x]}", 7, "not an absolute path"),
         ("results: {referee: [/w/.git]}", 7, "'/w/.git' would make a repository here"),
+        ("results: {referee: [/w/head, x]}", 7, "not an absolute path"),
         ("results: {referee: [{path: /w/.hg/x}]}", 7, "'/w/.hg/x' would make a repository here"),
         ("metrics: {a: {service: referee}}", 7, "a metric needs 'json' or 'log'"),
         ("metrics: {a: {service: referee, log: x}}", 7, "has no group"),

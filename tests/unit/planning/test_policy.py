@@ -165,42 +165,26 @@ def test_thousands_of_paths_are_compared_in_time() -> None:
     assert kinds.count("docker-socket") == 1
 
 
+DISKS = (
+    *("sda", "sda1", "vdb", "nvme0", "nvme0n1", "nvme0n1p2", "mmcblk0", "mmcblk0p1", "mmcblk0boot0", "dm-0", "sg1"),
+    *("mapper/root", "disk/by-id/x", "block/8:0", "./sda", "md127", "md/0", "mtd0", "mtdblock0", "loop0p1"),
+    *("mem", "uinput", "vfio/12"),
+)
+PARTS_OF_ROBOTS = (
+    *("ttyUSB0", "video0", "snd", "dri/renderD128", "input", "i2c-1", "spidev0.0", "gpiochip0", "shared", "media0"),
+)
+
+
 @pytest.mark.parametrize(
     "run",
     [
         {"pid": "host"},
+        {"cap_add": ("BPF",)},
+        {"cap_add": ("OF_ANOTHER_KERNEL",)},
         {"cap_add": ("CAP_DAC_READ_SEARCH",)},
         {"cap_add": ("ALL",)},
-        *(
-            {"devices": ((f"/dev/{name}", "/dev/x", "r"),)}
-            for name in (
-                *(
-                    "sda",
-                    "sda1",
-                    "vdb",
-                    "nvme0",
-                    "nvme0n1",
-                    "nvme0n1p2",
-                    "mmcblk0",
-                    "mmcblk0p1",
-                    "mmcblk0boot0",
-                    "dm-0",
-                ),
-                *(
-                    "mapper/root",
-                    "disk/by-id/x",
-                    "block/8:0",
-                    "./sda",
-                    "md127",
-                    "md/0",
-                    "mtd0",
-                    "mtdblock0",
-                    "sg1",
-                    "loop0p1",
-                ),
-            )
-        ),
-        *({"device_cgroup_rules": (rule,)} for rule in ("a *:* rwm", "b 8:0 rw", "c *:* r", "c 21:* rw")),
+        *({"devices": ((f"/dev/{name}", "/dev/x", "r"),)} for name in DISKS),
+        *({"device_cgroup_rules": (rule,)} for rule in ("a *:* rwm", "b 8:0 rw", "c *:* r", "c 21:* rw", "c 10:223 w")),
     ],
 )
 def test_what_is_as_good_as_root_is_said(run: dict[str, Any]) -> None:
@@ -213,20 +197,7 @@ def test_what_is_as_good_as_root_is_said(run: dict[str, Any]) -> None:
     "run",
     [
         {"cap_add": ("NET_ADMIN", "SYS_NICE", "SYS_TIME")},
-        *(
-            {"devices": ((f"/dev/{name}", "/dev/x", "rwm"),)}
-            for name in (
-                "ttyUSB0",
-                "video0",
-                "snd",
-                "dri/renderD128",
-                "input",
-                "i2c-1",
-                "spidev0.0",
-                "gpiochip0",
-                "shared",
-            )
-        ),
+        *({"devices": ((f"/dev/{name}", "/dev/x", "rwm"),)} for name in PARTS_OF_ROBOTS),
         {"device_cgroup_rules": ("c 81:* rmw", "c 189:* rw", "c 210:1 r")},
     ],
 )

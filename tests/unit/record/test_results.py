@@ -32,6 +32,7 @@ def named(paths: Iterable[str]) -> list[str]:
         ("a/.Git/HEAD", "a/%2EGit/%48EAD"),
         (".hg/hgrc", "%2Ehg/hgrc"),
         ("bare/head", "bare/%68ead"),
+        ("meshes/head/a.stl", "meshes/head/a.stl"),
         (".github/x", ".github/x"),
         ("HEADER", "HEADER"),
     ],
