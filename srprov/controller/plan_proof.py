@@ -53,15 +53,13 @@ def refuse_kept_secrets(saved: PlanFile) -> None:
 
 
 def check_claim(saved: PlanFile, snapshot: Snapshot) -> None:
-    """Refuse a plan that was not written here for an instance that is somebody's: its source is only what it says.
+    """Refuse a plan that was not written here, as all that it says is only its writer's word.
 
-    A run that failed leaves secrets and data sets without a container. A plan may count them as right already, whose
-    they are and what they hold: then its own containers would have them, whatever it says of where they come from.
-    Where robots have nothing of it, or say so, this machine may have put it on others: a record of the plan's would be
-    believed as the newest of this machine's, and services be looked for where the plan has them.
+    Whose an instance is, what its secrets hold, where its services run and who builds its images is believed by later
+    runs of the user's own. An instance of which robots have nothing, or say so, may be one that is on others.
 
     Raises:
-        RefusedError: Names the robots.
+        RefusedError: Always; it names where its instance is.
     """
     instance = saved.plan.instance
     there = sorted(
@@ -70,13 +68,14 @@ def check_claim(saved: PlanFile, snapshot: Snapshot) -> None:
         if any(one.instance == instance for one in items) or instance in snapshot.records.get(robot, {})
     )
     put = sorted(recall(instance).robots)
-    if there or put:
-        where = f"is there on {', '.join(there)}" if there else f"this machine has put on {', '.join(put)}"
-        raise RefusedError(
-            f"this plan was not written on this controller, and would change instance '{instance}', which {where}",
-            hint="plan its EDF here; or let this plan change it by --adopt, or by --signers FILE if it is signed",
-            code=Code.STRANGE_PLAN,
-        )
+    where = (
+        f", which is there on {', '.join(there)}" if there else f", put on {', '.join(put)} from here" if put else ""
+    )
+    raise RefusedError(
+        f"this plan was not written on this controller, and would change instance '{instance}'{where}",
+        hint="plan its EDF here; or apply it with --signers FILE if it is signed, or --adopt if you believe its writer",
+        code=Code.STRANGE_PLAN,
+    )
 
 
 def _digest(saved: PlanFile) -> str:

@@ -166,12 +166,15 @@ def test_what_a_plan_file_claims_gives_no_authority(
 
 
 def apply_all(stage: Stage, plan: str, count: int) -> Counter[int]:
-    """Apply mutations without a question; each is refused with 5, 6 or 9, or nothing strange is found afterwards."""
+    """Apply mutations without a question; each is refused with 5, 6 or 9, or nothing strange is found afterwards.
+
+    With `--adopt`: without it no plan is done that was changed.
+    """
     before, codes = stage.look(), Counter[int]()
     mutations = tampered(plan, count)
     for number in range(count):
         name, text = mutations[number]
-        done = stage.apply(text)
+        done = stage.apply(text, "--adopt")
         assert done.code in (0, 3, 5, 6, 9), (name, done)
         assert "Traceback" not in done.err, (name, done)
         codes[done.code] += 1

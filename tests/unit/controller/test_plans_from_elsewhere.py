@@ -80,9 +80,10 @@ def test_a_plan_from_elsewhere_places_no_service_of_an_instance_that_this_machin
     """Root on `r1` removed what it had of it; the plan's record was the newest, and `cp` sent a file to `r1`."""
     world = World().add("r1")
     saved = planned(world, experiment(service("x", robot="r1", network="none"), name="fleet"), "value-of-a-test")
-    check_plan(saved, fleet(world))
+    with pytest.raises(RefusedError, match=r"would change instance 'fleet'$"):
+        check_plan(saved, fleet(world))
     assert not remember("fleet", Memory(robots=frozenset({"r2"}), records=("0",)))
-    with pytest.raises(RefusedError, match="which this machine has put on r2"):
+    with pytest.raises(RefusedError, match="would change instance 'fleet', put on r2 from here"):
         check_plan(saved, fleet(world))
     check_plan(saved, fleet(world), signed=True)
 

@@ -150,7 +150,7 @@ def test_a_plan_file_takes_the_value_of_the_day(monkeypatch: pytest.MonkeyPatch)
     held = HeldSecrets(saved, ("secret",))
     assert "TOKEN" not in os.environ
     world.vault = held.vault
-    plan = held.read(check_plan(saved, fleet(world))).plan
+    plan = held.read(check_plan(saved, fleet(world), adopt=True)).plan
     assert run(world, plan).exit_code == 0
     assert world.robots["r1"].disk.files[PATH] == b"value-of-the-day"
 
