@@ -135,13 +135,14 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
             refuse_labels(wants, trusted=adopt or signed)
             check_underlay(saved, {facts.underlay_address for facts in snapshot.facts.values()})
             if not signed:
-                refuse_kept_secrets(saved)
                 check_builders([step.want for step in saved.plan.steps if step.want], fleet.inventory, snapshot)
         _check_networks(wants, saved.plan.instance, snapshot)
         steps = _derived(saved, wants, snapshot, look, ours=bool(owners))
         check_writers(steps, [(want.host, one) for want, one in services_of(saved)], look)
-        if not (owners or adopt or signed):  # last: of a file that was changed it is told what was
-            check_claim(saved, snapshot)
+        if not (owners or signed):  # last: of a file that was changed it is told what was
+            if not adopt:
+                check_claim(saved, snapshot)
+            refuse_kept_secrets(saved)
     unreachable = {**saved.plan.unreachable, **snapshot.unreachable}
     return Planned(plan=replace(saved.plan, steps=steps, unreachable=unreachable), saved=saved)
 
