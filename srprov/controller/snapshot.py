@@ -10,7 +10,7 @@ import contextlib
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from srprov.snapshot import report
 from srprov.snapshot.containers import service_of, without
 from srprov.snapshot.folder import Robot, definition_of
 from srprov.snapshot.hider import Hider
+from srprov.snapshot.names_there import NamesThere
 from srprov.snapshot.secret_names import SecretNames
 from srprov.snapshot.settings import service_name
 from srprov.untrusted import mapping, string
@@ -109,6 +110,7 @@ def _robots(seen: Sequence[Seen]) -> list[Robot]:
     for one in seen:
         shorts[one.name] = _fresh(service_name(one.name), shorts.values())
     taken = {f"{short}-host" for short in shorts.values()}
+    there = NamesThere({one.name: [box for box, _ in one.containers] for one in seen})
     given, robots = SecretNames(), []
     for one in seen:
         robot = Robot(
@@ -119,21 +121,33 @@ def _robots(seen: Sequence[Seen]) -> list[Robot]:
             if len(taken) >= _SERVICES:
                 one.notes.lost("containers", f"an experiment has at most {_SERVICES} services")
                 break
-            own = service_name(string(mapping(box).get("Name")).lstrip("/"))
-            name = own if own not in taken else _fresh(f"{own[:40]}-{robot.short[:18]}", taken)
+            name = _name_of(box, robot, taken, there)
             taken.add(name)
             try:
                 with answers_of(one.name):
-                    services.append(service_of(name, box, image, one.runtime, one.notes, given))
+                    made = service_of(name, box, image, one.runtime, one.notes, given)
+                    services.append(there.without_hostname(one.name, made, one.notes))
             except TransportError as error:
                 one.notes.lost(f"container {name}", error.message)
         robots.append(replace(robot, services=tuple(services)))
     return robots
 
 
-def _fresh(name: str, taken: Any) -> str:  # noqa: ANN401 - any collection of names
+def _name_of(box: Mapping[str, Any], robot: Robot, taken: Collection[str], there: NamesThere) -> str:
+    """Return what a container is called as a service: nothing by which another robot's containers mean a host."""
+    own = service_name(string(mapping(box).get("Name")).lstrip("/"))
+    if own not in taken and not there.mean_others(robot.name, own):
+        return own
+    name = f"{own[:40]}-{robot.short[:18]}"
+    name = _fresh(name, taken, lambda one: there.mean_others(robot.name, one))
+    if own not in taken:
+        robot.notes.adapted(f"container {name}", f"containers of another robot use the name {own} for something else")
+    return name
+
+
+def _fresh(name: str, taken: Collection[str], unfit: Callable[[str], bool] = lambda _name: False) -> str:
     found, number = name, 2
-    while found in taken:
+    while found in taken or unfit(found):
         found, number = f"{name[:46]}-{number}", number + 1
     return found
 

@@ -1,6 +1,8 @@
 """Names that a service adds to hosts files: its `hostname`, and `extra_hosts`; and what they may not stand for.
 
-A service's own name is what others reach it by, so no other name of the experiment may be one. Pure.
+A service's own name is what others reach it by, so no other name of the experiment may be one. Who looks for a host
+does not tell capitals apart, nor does this. What others find a service by is the EDF's word alone: with a name that a
+CDF gives to itself, its service would take the place of any host that others speak with. Pure.
 """
 
 from __future__ import annotations
@@ -33,21 +35,26 @@ def extra_hosts(node: Node | None, findings: Findings, path: Path) -> tuple[tupl
 
 def check(known: Mapping[str, Map], services: Mapping[str, Service], findings: Findings) -> None:
     """Add every name that means something else already; `known` has the services' entries in the EDF."""
-    owners = {one.runtime.hostname: name for name, one in sorted(services.items(), reverse=True)}
+    owners = {one.runtime.hostname.lower(): name for name, one in sorted(services.items(), reverse=True)}
     for name, one in services.items():
         path: Path = ("services", name)
         run = one.runtime
         place = nodes.key_or_value(known[name], "hostname")
         if run.hostname and (why := _not_as_hostname(one)):
             findings.add(place, why, (*path, "hostname"), code=Code.OVERLAY)
-        elif run.hostname and owners[run.hostname] != name:
-            message = f"'{owners[run.hostname]}' has the hostname '{run.hostname}' too"
+        elif run.hostname and "hostname" not in known[name].entries:
+            message = "its CDF says a hostname, by which all other services would find it"
+            hint = "say in the EDF which `hostname` this service has"
+            findings.add(place, message, (*path, "hostname"), hint, code=Code.OVERLAY)
+        elif run.hostname and (owner := owners[run.hostname.lower()]) != name:
+            message = f"'{owner}' has the hostname '{run.hostname}' too"
             findings.add(place, message, (*path, "hostname"), code=Code.OVERLAY)
-        elif run.hostname != name and (other := _meant(run.hostname, services)):
+        elif run.hostname.lower() != name and (other := _meant(run.hostname, services)):
             findings.add(place, f"'{run.hostname}' is the name of {other}", (*path, "hostname"), code=Code.OVERLAY)
         place = nodes.key_or_value(known[name], "extra_hosts")
         for extra, address in run.extra_hosts:
-            if other := _meant(extra, services) or (f"the hostname of '{owners[extra]}'" if extra in owners else ""):
+            owner = owners.get(extra.lower(), "")
+            if other := _meant(extra, services) or (f"the hostname of '{owner}'" if owner else ""):
                 findings.add(place, f"'{extra}' is the name of {other}", (*path, "extra_hosts"), code=Code.OVERLAY)
             if address == GATEWAY and one.network == "none":
                 message = f"'{extra}' would be the robot, which a service with 'network: none' cannot reach"
@@ -64,6 +71,7 @@ def _not_as_hostname(one: Service) -> str:
 
 def _meant(name: str, services: Mapping[str, Service]) -> str:
     """Return what a name stands for in every hosts file, in words, or nothing."""
+    name = name.lower()
     if name in names.RESERVED:
         return "the container itself, or of its network"
     for at in (*(at for at, letter in enumerate(name) if letter == "-"), len(name)):

@@ -108,8 +108,8 @@ def test_containers_of_several_robots_are_services_with_names_of_their_own(tmp_p
         {**box(3, "srprov.x.y"), "Labels": {"srprov.instance": "x"}},
     ]
     document, edf, _ = taken(tmp_path / "out", r1=Robot(boxes=boxes), r2=Robot(boxes=[box(4, "cam")]), r3=None)
-    assert set(edf["services"]) == {"cam", "cam-r2", "r1-host", "r2-host"}
-    assert (edf["services"]["cam"]["robot"], edf["services"]["cam-r2"]["robot"]) == ("r1", "r2")
+    assert set(edf["services"]) == {"cam-r1", "cam-r2", "r1-host", "r2-host"}
+    assert (edf["services"]["cam-r1"]["robot"], edf["services"]["cam-r2"]["robot"]) == ("r1", "r2")
     assert document["unreachable"] == {"r3": "r3: no route to host"} or "no route" in str(document["unreachable"])
     said = str(document["notes"])
     assert "does not run" in said and "belongs to the instance x" in said and "/etc/x" in said

@@ -92,12 +92,15 @@ def test_a_service_over_its_cdf(tmp_path: Path) -> None:
         ("labels: {srprov.instance: x}", "the label 'srprov.instance' is srprov's own"),
         ("labels: [srprov=x]", "the label 'srprov' is srprov's own"),
         ("hostname: b", "'b' is the name of the service 'b'"),
+        ("hostname: B", "'B' is the name of the service 'b'"),
         ("hostname: localhost", "'localhost' is the name of the container itself"),
+        ("hostname: LocalHost", "'LocalHost' is the name of the container itself"),
         ("hostname: x, network: host", "a service with 'network: host' has the robot's hostname"),
         ("hostname: x, replicas: 2", "several instances of a service cannot have one hostname"),
         ("hostname: 'a b'", "a host's name"),
         ("extra_hosts: [b=10.0.0.1]", "'b' is the name of the service 'b'"),
         ("extra_hosts: [turtle=10.0.0.1]", "'turtle' is the name of the hostname of 'b'"),
+        ("extra_hosts: [Turtle=10.0.0.1]", "'Turtle' is the name of the hostname of 'b'"),
         ("extra_hosts: [localhost=10.0.0.1]", "'localhost' is the name of the container itself"),
         ("replicas: 2, extra_hosts: [a-2=10.0.0.1]", "'a-2' is the name of the service 'a'"),
         ("extra_hosts: [x=nowhere]", "'nowhere' is no address of 'x'"),
@@ -128,3 +131,26 @@ def test_a_hostname_is_one_services(tmp_path: Path) -> None:
         one(tmp_path, "hostname: turtle")
     (problem,) = caught.value.problems
     assert (problem.message, problem.location.line) == ("'a' has the hostname 'turtle' too", 5)
+
+
+@pytest.mark.parametrize("name", ["vault.lab.example", "vault"])
+def test_a_cdf_takes_no_host_s_place_for_others(tmp_path: Path, name: str) -> None:
+    """Its author may be somebody else: all services of the EDF would find it by that name, on all robots."""
+    cdf, both = f"cdf: 1\nname: c\nimage: busybox\nhostname: {name}\n", "  b: {image: busybox}\n"
+    with pytest.raises(DefinitionError) as caught:
+        load(tmp_path, f"  a: {{cdf: c.cdf}}\n{both}", cdf)
+    (problem,) = caught.value.problems
+    assert (problem.location.line, problem.message) == (
+        4,
+        "its CDF says a hostname, by which all other services would find it",
+    )
+    assert name not in f"{problem.message} {problem.hint}"
+    assert load(tmp_path, f"  a: {{cdf: c.cdf, hostname: rover.lab}}\n{both}", cdf)["a"].hostname == "rover.lab"
+
+
+def test_a_hostname_in_capitals_is_the_same_one(tmp_path: Path) -> None:
+    """Who looks for a host does not tell them apart; a service's own name in capitals is its own."""
+    with pytest.raises(DefinitionError) as caught:
+        one(tmp_path, "hostname: TURTLE")
+    assert caught.value.problems[0].message == "'a' has the hostname 'turtle' too"
+    assert one(tmp_path, "hostname: A").hostname == "A"

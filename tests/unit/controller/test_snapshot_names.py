@@ -1,0 +1,66 @@
+"""Robots choose how their containers are called; none gets what another one's containers send to a host by its name."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from srprov.snapshot.names_there import NamesThere
+from tests.unit.controller.test_snapshot import Robot, box, taken
+
+
+def with_config(made: dict[str, Any], **config: Any) -> dict[str, Any]:
+    return {**made, "Config": {**made["Config"], **config}}
+
+
+def on_network(made: dict[str, Any], *aliases: str) -> dict[str, Any]:
+    return {**made, "NetworkSettings": {"Networks": {"shop": {"Aliases": list(aliases)}}}}
+
+
+@pytest.mark.parametrize(
+    "honest",
+    [
+        box(2, "web", ["URL=redis://redis:6379/0"]),
+        with_config(box(2, "web"), Cmd=["web", "--cache=Redis"]),
+        with_config(box(2, "web"), Entrypoint=["client", "-hredis"]),
+        with_config(box(2, "web"), Healthcheck={"Test": ["CMD", "nc", "redis", "6379"]}),
+        on_network(box(2, "shop-redis-1"), "redis"),
+        box(2, "web", ExtraHosts=["redis:10.0.0.9"]),
+        box(2, "web", Links=["/shop-redis-1:/web/redis"]),
+        box(2, "redis"),
+    ],
+)
+def test_no_robot_has_a_name_by_which_others_mean_a_host(tmp_path: Path, honest: dict[str, Any]) -> None:
+    """Neither by the name of a container nor by its hostname, whichever robot comes first."""
+    for at, names in enumerate((("r1", "r2"), ("r2", "r1"))):
+        lies = [box(1, "redis"), with_config(box(3, "other"), Hostname="REDIS")]
+        robots = dict(zip(names, (Robot(boxes=lies), Robot(boxes=[honest])), strict=True))
+        document, edf, _ = taken(tmp_path / f"out{at}", **robots)
+        mine = {name: one for name, one in edf["services"].items() if one["robot"] == names[0] and "cdf" not in one}
+        assert set(mine) == {f"redis-{names[0]}", "other"} and "hostname" not in mine["other"]
+        assert "use the name redis for something else" in str(document)
+
+
+def test_a_name_with_the_robot_s_behind_it_is_none_of_others_either(tmp_path: Path) -> None:
+    honest = box(2, "web", ["FIRST=redis:6379", "SECOND=redis-r1:6379"])
+    _, edf, _ = taken(tmp_path / "out", r1=Robot(boxes=[box(1, "redis")]), r2=Robot(boxes=[honest]))
+    assert "redis-r1-2" in edf["services"] and not {"redis", "redis-r1"} & edf["services"].keys()
+
+
+def test_a_hostname_of_several_robots_takes_no_host_s_place(tmp_path: Path) -> None:
+    """On its robot only that one's containers found it so; a robot by itself keeps it."""
+    lies, harmless = with_config(box(1, "a"), Hostname="vault.lab.example"), with_config(box(2, "b"), Hostname="rover")
+    document, edf, _ = taken(tmp_path / "two", r1=Robot(boxes=[lies, harmless]), r2=Robot(boxes=[box(3, "web")]))
+    assert ("hostname" in edf["services"]["a"], edf["services"]["b"]["hostname"]) == (False, "rover")
+    assert "its hostname vault.lab.example: containers of other robots" in str(document)
+    _, edf, _ = taken(tmp_path / "one", r1=Robot(boxes=[lies, harmless]))
+    assert edf["services"]["a"]["hostname"] == "vault.lab.example"
+
+
+def test_words_without_end_are_looked_at_in_time() -> None:
+    begun = time.monotonic()
+    long = {f"r{at}": [box(at, "x", [f"A={'a -b' * 200_000}"])] for at in range(10)}
+    assert not NamesThere(long).mean_others("r1", "redis") and time.monotonic() - begun < 10
