@@ -2,7 +2,8 @@
 
 Takes the services as they were built; gives groups, or adds to `Findings`. Pure. Each replica of a service has a volume
 of its own, `NAME-1` to `NAME-n`, and each robot of a service with `per_robot` one; neither can be shared with a service
-that runs once, since nobody could say with which of them.
+that runs once, since nobody could say with which of them. Whose data a service shares is the EDF's word: a CDF may be
+a stranger's, and names volumes as it likes.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from srprov.codes import Code
 from srprov.definitions.model import Service
 from srprov.definitions.values import text
 from srprov.yamldoc import nodes
-from srprov.yamldoc.nodes import Findings, Map
+from srprov.yamldoc.nodes import Findings, Map, Seq
 
 Groups = tuple[tuple[str, ...], ...]
 
@@ -45,6 +46,7 @@ def check(known: Mapping[str, Map], services: Mapping[str, Service], findings: F
     """Add services that share a volume and cannot be on one robot."""
     for volume, names in users(services).items():
         _check_kinds(volume, [services[name] for name in names], known, findings)
+        _check_said(volume, [services[name] for name in names], known, findings)
         pins = [(name, known[name].entries["robot"]) for name in names if "robot" in known[name].entries]
         for name, pin in pins[1:]:
             first, where = pins[0][0], text(pins[0][1])
@@ -68,6 +70,28 @@ def _check_kinds(
             place = nodes.key_or_value(known[other.name], "volumes")
             findings.add(place, message, ("services", other.name, "volumes"), "give it another name", code=Code.VOLUME)
             return
+
+
+def _check_said(
+    volume: str, services: Sequence[Service], known: Mapping[str, Map], findings: Findings
+) -> None:  # fmt: skip
+    """Check that the EDF gives the volume to each of them; but services of one CDF have one author anyway."""
+    left = [one for one in services if volume not in _of_edf(known[one.name])]
+    if not left or (len(left) == len(services) and len({one.cdf for one in services}) == 1):
+        return
+    other = next(one.name for one in services if one is not left[0])
+    message = f"the CDF of '{left[0].name}' mounts the volume '{volume}', which '{other}' has"
+    hint = "name it in the `volumes` of this service in the EDF too, if they shall share it"
+    place = nodes.key_or_value(known[left[0].name], "volumes")
+    findings.add(place, message, ("services", left[0].name, "volumes"), hint, code=Code.VOLUME)
+
+
+def _of_edf(entry: Map) -> set[str]:
+    """Return the sources of a service's volumes that its own entry names."""
+    given = entry.entries.get("volumes")
+    items = given.items if isinstance(given, Seq) else ()
+    sources = (one.entries.get("source") if isinstance(one, Map) else one for one in items)
+    return {text(one).partition(":")[0] for one in sources}
 
 
 def _check_replicas(known: Mapping[str, Map], services: Mapping[str, Service], findings: Findings) -> None:

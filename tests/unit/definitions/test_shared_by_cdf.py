@@ -1,0 +1,50 @@
+"""A CDF may be a stranger's: whose data its service shares is the EDF's word."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from srprov.definitions import load_experiment
+from srprov.errors import DefinitionError
+
+CDF = "cdf: 1\nname: {0}\nimage: busybox\nvolumes: ['config:/c']\n"
+NAV = "  nav: {image: busybox, volumes: ['config:/config']}\n"
+
+
+def load(folder: Path, services: str) -> None:
+    for name in ("one", "two"):
+        (folder / f"{name}.cdf").write_text(CDF.format(name))
+    (folder / "e.edf").write_text(f"edf: 1\nname: demo\nservices:\n{services}")
+    load_experiment(str(folder / "e.edf"))
+
+
+@pytest.mark.parametrize(
+    "services",
+    [
+        f"  lidar: {{cdf: one.cdf}}\n{NAV}",
+        f"  lidar: {{cdf: one.cdf, volumes: ['other:/x']}}\n{NAV}",
+        "  lidar: {cdf: one.cdf}\n  nav: {cdf: two.cdf}\n",
+        "  lidar: {cdf: one.cdf}\n  nav: {cdf: two.cdf, volumes: ['config:/c']}\n",
+    ],
+)
+def test_a_cdf_does_not_choose_whose_volume_it_shares(tmp_path: Path, services: str) -> None:
+    with pytest.raises(DefinitionError) as caught:
+        load(tmp_path, services)
+    (problem,) = caught.value.problems
+    message = "the CDF of 'lidar' mounts the volume 'config', which 'nav' has"
+    assert (problem.location.line, problem.message) == (4, message)
+
+
+@pytest.mark.parametrize(
+    "services",
+    [
+        f"  lidar: {{cdf: one.cdf, volumes: ['config:/c']}}\n{NAV}",
+        f"  lidar: {{cdf: one.cdf, volumes: [{{type: volume, source: config, target: /c}}]}}\n{NAV}",
+        "  lidar: {cdf: one.cdf}\n  nav: {cdf: one.cdf}\n",
+        "  lidar: {cdf: one.cdf}\n  nav: {image: busybox, volumes: ['other:/c']}\n",
+    ],
+)
+def test_what_the_edf_says_or_one_cdf_is_shared(tmp_path: Path, services: str) -> None:
+    load(tmp_path, services)
