@@ -35,47 +35,44 @@ def provers(saved: PlanFile) -> tuple[Owner, ...]:
     return tuple(one for one in owners if hmac.compare_digest(one.plan_proof(digest), saved.proof))
 
 
-def refuse_kept_secrets(saved: PlanFile) -> None:
-    """Refuse a plan that was not written here and says of secrets that they are right already.
-
-    Their values are not read for it, so it may say of any that it comes from wherever it likes, also when the user lets
-    it change the instance.
-
-    Raises:
-        RefusedError: Names the secrets.
-    """
-    if kept := sorted(names_of(saved.also_wanted)):
-        raise RefusedError(
-            f"this plan was not written on this controller, and would use what is there of secrets: {', '.join(kept)}",
-            hint="plan its EDF here; or apply it by --signers FILE if it is signed",
-            code=Code.STRANGE_PLAN,
-        )
-
-
-def check_claim(saved: PlanFile, snapshot: Snapshot) -> None:
+def check_claim(saved: PlanFile, snapshot: Snapshot, *, adopt: bool) -> None:
     """Refuse a plan that was not written here, as all that it says is only its writer's word.
 
     Whose an instance is, what its secrets hold, where its services run and who builds its images is believed by later
     runs of the user's own. An instance of which robots have nothing, or say so, may be one that is on others.
+    `adopt` says that the user believes the writer. Then secrets that are right already are refused: their values are
+    not read for it, so it may say of any that it comes from wherever it likes.
 
     Raises:
-        RefusedError: Always; it names where its instance is.
+        RefusedError: It names where the instance is, or the secrets.
     """
-    instance = saved.plan.instance
+    if not adopt:
+        what = f"would change instance '{saved.plan.instance}'{_where(saved.plan.instance, snapshot)}"
+        hint = "apply it with --signers FILE if it is signed, or --adopt if you believe its writer"
+    elif kept := sorted(names_of(saved.also_wanted)):
+        what, hint = (
+            f"would use what is there of secrets: {', '.join(kept)}",
+            "apply it with --signers FILE if it is signed",
+        )
+    else:
+        return
+    raise RefusedError(
+        f"this plan was not written on this controller, and {what}",
+        hint=f"plan its EDF here; or {hint}",
+        code=Code.STRANGE_PLAN,
+    )
+
+
+def _where(instance: str, snapshot: Snapshot) -> str:
     there = sorted(
         robot
         for robot, items in snapshot.observed.items()
         if any(one.instance == instance for one in items) or instance in snapshot.records.get(robot, {})
     )
+    if there:
+        return f", which is there on {', '.join(there)}"
     put = sorted(recall(instance).robots)
-    where = (
-        f", which is there on {', '.join(there)}" if there else f", put on {', '.join(put)} from here" if put else ""
-    )
-    raise RefusedError(
-        f"this plan was not written on this controller, and would change instance '{instance}'{where}",
-        hint="plan its EDF here; or apply it with --signers FILE if it is signed, or --adopt if you believe its writer",
-        code=Code.STRANGE_PLAN,
-    )
+    return f", put on {', '.join(put)} from here" if put else ""
 
 
 def _digest(saved: PlanFile) -> str:

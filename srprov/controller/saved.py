@@ -22,7 +22,7 @@ from srprov.controller.old_values import as_reviewed, with_differences, without_
 from srprov.controller.ownership import check_source, looking, owned
 from srprov.controller.permissions import require_decided
 from srprov.controller.plan import Planned
-from srprov.controller.plan_proof import check_claim, proved, provers, refuse_kept_secrets
+from srprov.controller.plan_proof import check_claim, proved, provers
 from srprov.controller.staleness import refuse_stale
 from srprov.controller.writers import check_writers
 from srprov.definitions.model import NetworkSettings
@@ -140,9 +140,7 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
         steps = _derived(saved, wants, snapshot, look, ours=bool(owners))
         check_writers(steps, [(want.host, one) for want, one in services_of(saved)], look)
         if not (owners or signed):  # last: of a file that was changed it is told what was
-            if not adopt:
-                check_claim(saved, snapshot)
-            refuse_kept_secrets(saved)
+            check_claim(saved, snapshot, adopt=adopt)
     unreachable = {**saved.plan.unreachable, **snapshot.unreachable}
     return Planned(plan=replace(saved.plan, steps=steps, unreachable=unreachable), saved=saved)
 
