@@ -16,6 +16,7 @@ from msgspec.structs import replace
 
 from srprov.errors import DefinitionError
 from srprov.lab.figures import Amount
+from srprov.lab.greeting import FORMS, strange_line
 from srprov.lab.places import LANS, MOST_ROBOTS, robot_name, robot_number
 from srprov.yamldoc.fields import FieldReader
 from srprov.yamldoc.nodes import Map, Node, is_null
@@ -185,6 +186,14 @@ def _user(reader: FieldReader, node: Node) -> str | None:
     return reader.choice(node, USERS)
 
 
+def _bashrc(reader: FieldReader, node: Node) -> str:
+    text = reader.string(node)
+    if text and (line := strange_line(text)):
+        why = f"{line.strip()[:60]!r} is no line that a login may have: {FORMS}"
+        reader.problem(node, why, "write anything else on the robot itself: srprov lab shell ROBOT")
+    return text
+
+
 def _sshd(reader: FieldReader, node: Node) -> Sshd:
     found = {key.text: reader.integer(value, 1, 1000) for key, value in reader.mapping(node, SSHD_LIMITS)}
     return Sshd(**found)
@@ -227,7 +236,7 @@ OPTIONS: Mapping[str, Callable[[FieldReader, Node], Any]] = {
     "docker_read_only": FieldReader.boolean,
     "clock_offset_s": _number(-100_000_000, 100_000_000),
     "sshd": _sshd,
-    "bashrc": FieldReader.string,
+    "bashrc": _bashrc,
     "sudo_password": FieldReader.string,
     "unprivileged": FieldReader.boolean,
 }

@@ -30,7 +30,7 @@ robots:
   {ONE_SESSION}: {{sshd: {{max_startups: 10, max_sessions: 1}}}}
   {NOISY}:
     bashrc: |
-      echo "welcome, today is $(date)"
+      echo "welcome, it is a nice day"
       printf '\377\376\200 not UTF-8 \303\050\n'
       printf '\377\376 nor this\n' >&2
       printf 'and no newline \377'
