@@ -1,13 +1,15 @@
 """Data sets: read-only files that a robot has once, by content, for all instances that use them.
 
 The name is `STATE_ROOT/<instance>/data/<sha256>`, a file that says that the instance uses it; it is empty once a
-controller had the content to send, from a file of its own or from the address that is named. The data set is
+controller had the content to send from a file of its own, and holds `from HASH` when an address gave it. Who names
+another address gets what that gives, also where the instance is called as another one's. The data set is
 `STATE_ROOT/.data/<sha256>/data`: it appears there by one rename, when its hash was compared. The last instance that
 uses it takes it away.
 """
 
 from __future__ import annotations
 
+import hashlib
 import posixpath
 import re
 from collections.abc import Sequence
@@ -23,7 +25,13 @@ from srprov.wire import DATA_STORE, AnyQuery, Command, Query, Reply, Run, SendDa
 _LIST = f"""\
 for f in {STATE_ROOT}/*/data/*; do
   [ -f "$f" ] || continue
-  [ ! -s "$f" ] && [ -f {DATA_STORE}/"${{f##*/}}"/data ] && printf '%s there\\n' "$f" || printf '%s\\n' "$f"
+  said=; IFS= read -r said <"$f" || :
+  [ -f {DATA_STORE}/"${{f##*/}}"/data ] || said=begun
+  case $said in
+    'from '*) printf '%s there%s\\n' "$f" "${{said#from}}" ;;
+    ?*) printf '%s\\n' "$f" ;;
+    *) printf '%s there\\n' "$f" ;;
+  esac
 done
 :"""
 _NAME = re.compile(rf"{STATE_ROOT}/([^/]+)/data/([0-9a-f]{{64}})")
@@ -62,23 +70,27 @@ class DataModule(Module[DataParams]):
         """Read one path per line, and `there`."""
         found = []
         for line in replies[0].out.split("\n"):
-            path, _, there = line.partition(" ")
+            path, _, said = line.partition(" ")
+            there, _, giver = said.partition(" ")
             if match := _NAME.fullmatch(path):
-                state = {"there": there == "there"}
+                state = {"there": there == "there", "giver": giver}
                 found.append(Observed(module="data", name=path, instance=match[1], state=state))
         return tuple(found)
 
     def check(self, name: str, want: DataParams, found: State | None) -> Change | None:
         """Ask whether it is there; the robot has compared the hash before it put the content there."""
-        if found is not None and found["there"]:
+        given, giver = found is not None and found["there"], _giver(want.url)
+        if found is not None and given and giver in ("", found.get("giver")):
             return None
         mark = f"mkdir -p {quote(posixpath.dirname(name))} && echo begun >{quote(name)}"
         size = f" ({want.size / (1 << 20):.1f} MiB)" if want.size else ""
         action = Action.CREATE if found is None else Action.UPDATE
         cause = f"not used there yet{size}" if found is None else f"its content is not there{size}"
+        cause = "its content is not of that address" if given else cause
         send = SendData(sha256=want.sha256, url=want.url)
         # whoever only knows the hash of what is there for others does not get it, also when he tries again
-        commands = (Run(script=mark), send, Run(script=f": >{quote(name)}"))
+        end = f"echo {quote(f'from {giver}')} >{quote(name)}" if giver else f": >{quote(name)}"
+        commands = (Run(script=mark), send, Run(script=end))
         return Change(action=action, cause=cause, before=found, commands=commands)
 
     def is_own(self, name: str, want: DataParams, names: Names) -> bool:
@@ -93,3 +105,8 @@ class DataModule(Module[DataParams]):
             f"rmdir {DATA_STORE} {STATE_ROOT} 2>/dev/null; :"
         )
         return (remove_path(found.name), Run(script=last))
+
+
+def _giver(url: str) -> str:
+    """Return what a robot notes of the address that gave a data set; nothing for a file of a controller."""
+    return hashlib.sha256(url.encode()).hexdigest()[:32] if url else ""

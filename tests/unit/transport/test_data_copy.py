@@ -125,7 +125,8 @@ def test_a_list_of_known_files_of_any_shape_is_only_a_list(known: str) -> None:
 def test_a_robot_that_has_a_data_set_gives_it_to_nobody_who_has_not_got_it_himself(tmp_path: Path) -> None:
     """An apply that fails since nobody gives the content is tried again: that must not find all as it should be."""
     module, name = MODULES["data"], f"{STATE_ROOT}/hello/data/{SHA}"
-    change = module.check(name, DataParams(sha256=SHA, url=URL), None)
+    of_url, of_file = DataParams(sha256=SHA, url=URL), DataParams(sha256=SHA)
+    change = module.check(name, of_url, None)
     assert change is not None
     begin, send, end = change.commands
     assert isinstance(begin, Run) and isinstance(send, SendData) and isinstance(end, Run)
@@ -140,7 +141,16 @@ def test_a_robot_that_has_a_data_set_gives_it_to_nobody_who_has_not_got_it_himse
         done = subprocess.run(["sh", "-c", script.replace(STATE_ROOT, str(tmp_path))], capture_output=True, check=True)
         return done.stdout.decode().replace(str(tmp_path), STATE_ROOT)
 
+    def change_for(want: DataParams) -> object:
+        said = shell(module.queries()[0].command)  # type: ignore[union-attr]  # as above
+        return module.check(name, want, module.parse([Reply(status=0, out=said)])[0].state)
+
     shell(begin.script)
-    assert there() == [False]
+    assert there() == [False] and change_for(of_file)
     shell(end.script)
-    assert there() == [True]
+    assert there() == [True] and not change_for(of_url) and not change_for(of_file)
+    assert change_for(DataParams(sha256=SHA, url="https://evil.example/x"))  # may be another's, under that name
+    sent = module.check(name, of_file, None)
+    assert sent is not None and isinstance(sent.commands[-1], Run)
+    shell(sent.commands[-1].script)
+    assert there() == [True] and change_for(of_url) and not change_for(of_file)
