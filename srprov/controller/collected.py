@@ -17,6 +17,7 @@ from srprov import private, regular_file
 from srprov.codes import Code
 from srprov.controller.trial_folder import check_new, check_own
 from srprov.errors import UsageError
+from srprov.modules.container_taken import without_taken
 from srprov.secret import redacted
 from srprov.untrusted import mapping, parse_json, string
 
@@ -72,7 +73,7 @@ class Earlier(msgspec.Struct, frozen=True, kw_only=True):
             **now.said,
         }
         _keep(folder, _FACTS, {**now.facts, "robots": _sorted(facts)})
-        _keep(folder, _CONTAINERS, _with(self.containers, now.inspected, said))
+        _keep(folder, _CONTAINERS, _with(self.containers, without_taken(now.inspected), said))
         document = dict(mapping(redacted(document)))
         _keep(folder, _LISTING, document)
         return document

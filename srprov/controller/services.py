@@ -13,6 +13,7 @@ from srprov.definitions.containermodel import Mount, Runtime
 from srprov.definitions.model import Experiment, Service
 from srprov.definitions.trialsmodel import folder_of
 from srprov.modules.container import container_name
+from srprov.modules.differences import ELSEWHERE
 from srprov.modules.module import OWN_HOSTS, STATE_ROOT
 from srprov.modules.network import network_hash
 from srprov.modules.secret import secret_path
@@ -60,10 +61,22 @@ def service_context(
         "job": service.runtime.job,
         "run": _run(service.runtime, found.environment),
         "made_with": dict(found.made_with),
+        "taken": _taken(inputs.experiment, service),
         "mounts": [*mounts, *_result_volumes(inputs.experiment, service, mounts)],
         "network": _network(inputs, service, overlay),
         "needs": needs,
     }
+
+
+def _taken(experiment: Experiment, service: Service) -> list[str]:
+    """Return the variables that a service has of the controller's environment, and whether it has files from elsewhere.
+
+    What is outside for no service, such as the EDF itself, whose name then has a blank, is outside for all.
+    """
+    names = {service.name, service.instance_of}
+    outside = any(name in names or " " in name for name, *_ in (*experiment.outside, *experiment.remote))
+    variables = {variable for name, variable in experiment.environment if name in names}
+    return sorted({*variables, *([ELSEWHERE] if outside else [])})
 
 
 def _own_files(instance: str, service: Service, found: Discovery) -> Iterator[tuple[str, str, str]]:

@@ -19,6 +19,7 @@ from srprov.controller.trial_plan import TrialPlan
 from srprov.definitions.trialsmodel import Conditions, Metric, Result
 from srprov.execution.collect import CollectFailed
 from srprov.execution.trial_robots import TrialRobots
+from srprov.modules.container_taken import without_taken
 from srprov.record.results import Kept, is_safe_name, log_lines
 from srprov.secret import redacted
 from srprov.session import Session
@@ -60,7 +61,7 @@ def gather_files(plan: TrialPlan, inspected: Mapping[str, Any], robots: TrialRob
         EquipmentFailed, CollectFailed, TransportError: A robot or its engine failed, or the latter ended a container.
         OSError: Something cannot be written here.
     """
-    private.replace_json(folder / "containers.json", redacted(inspected))
+    private.replace_json(folder / "containers.json", redacted(without_taken(inspected)))
     logs = {one.service: folder / "logs" / f"{one.host}.{one.service}.log" for one in plan.services}
     wanted = {one: some for one in robots.by_service if (some := plan.given.results.get(plan.origin[one], ()))}
 

@@ -31,6 +31,7 @@ from srprov.modules.module import (
     SERVICE,
     SOURCE,
     STOP_GRACE,
+    TAKEN,
     Module,
     Names,
 )
@@ -196,6 +197,7 @@ def _state_of(item: Mapping[str, Any], labels: Mapping[str, str]) -> dict[str, A
         "service": labels.get(SERVICE, ""),
         "source": labels.get(SOURCE, ""),
         "hash": labels.get(CONFIG_HASH, ""),
+        "taken": labels.get(TAKEN, "").split(),
         "parts": dict(part.split("=", 1) for part in labels.get(CONFIG_PARTS, "").split(",") if "=" in part),
         "stop_grace": integer(labels.get(STOP_GRACE, "10"), high=_LONGEST_GRACE_S, default=10),
         "image": string(item.get("Image")),

@@ -10,7 +10,17 @@ from types import MappingProxyType
 
 from srprov.modules.container_body import PART_DIGITS, engine_body, parts_of
 from srprov.modules.container_params import ContainerParams
-from srprov.modules.module import CONFIG_HASH, CONFIG_PARTS, INSTANCE, SERVICE, SOURCE, STOP_GRACE, canonical, digest
+from srprov.modules.module import (
+    CONFIG_HASH,
+    CONFIG_PARTS,
+    INSTANCE,
+    SERVICE,
+    SOURCE,
+    STOP_GRACE,
+    TAKEN,
+    canonical,
+    digest,
+)
 from srprov.modules.mount_kind import links_refused
 from srprov.untrusted import mapping
 from srprov.wire import STOP_MARGIN_S, Command, EngineCall, Run, sh
@@ -33,6 +43,7 @@ def creation(name: str, want: ContainerParams, labels: Mapping[str, str] = Mappi
         CONFIG_HASH: config_hash,
         CONFIG_PARTS: ",".join(f"{key}={value}" for key, value in sorted(parts.items())),
         STOP_GRACE: str(body["StopTimeout"]),
+        **({TAKEN: " ".join(sorted(want.taken))} if want.taken else {}),
         **labels,
     }
     # engines older than API 1.42 take CreateMountpoint without a word, and refuse the mount

@@ -46,6 +46,9 @@ class ContainerParams(msgspec.Struct, frozen=True, kw_only=True):
     """Variables of which a container keeps the values that it was made with: other ones make it no other container."""
     log_driver: str = ""
     """The engine's default; empty: not known."""
+    taken: tuple[str, ...] = ()
+    """Variables whose values the controller's environment gave, and ELSEWHERE where a file from outside of the
+    experiment's folder had a part in it: somebody allowed that, for this container and for no later plan."""
 
     def __post_init__(self) -> None:
         """Refuse what the engine's form cannot be made of."""
@@ -55,6 +58,8 @@ class ContainerParams(msgspec.Struct, frozen=True, kw_only=True):
             raise ParameterError("network", "network: both needs 'ip'")
         if self.run.mounts:
             raise ParameterError("run", "run: mounts stand beside it, in the engine's form")
+        if any(not one or one.split() != [one] for one in self.taken):  # words of a label
+            raise ParameterError("taken", "taken: no variable has such a name")
         if wrong := next(run_limits.broken(self.run), ""):
             raise ParameterError("run", f"run.{wrong}")
         for mount in self.mounts:

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from srprov.modules.container_body import PART_DIGITS, differing_parts, engine_body, parts_of
 from srprov.modules.container_params import ContainerParams
-from srprov.modules.differences import bounded, compared
+from srprov.modules.differences import bounded, compared, untold
 from srprov.resource import Difference, State
 from srprov.untrusted import integer, is_of_one, mapping, mappings, string, string_map, strings
 from srprov.wire import Reply
@@ -56,7 +56,7 @@ def differing_values(want: ContainerParams, found: State, replies: Sequence[Repl
         base = None if brought is None else brought.get(part, {})
         kept = {key: value for key, value in there.get(part, {}).items() if _counts(part, key, value, new, base)}
         differing += compared({key: value for key, value in kept.items() if key not in want.made_with}, new)
-    return bounded(differing)
+    return untold(bounded(differing), found.get("taken", ()), want.taken)
 
 
 def between(old: ContainerParams, new: ContainerParams) -> tuple[Difference, ...]:

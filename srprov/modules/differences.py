@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import difflib
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from srprov.resource import Difference
+from srprov.secret import MASK
 from srprov.wire import Query, Reply, quote
 
 HIDDEN = "secret, changed"
+ELSEWHERE = "*"
+"""Among the variables that a container has of the controller: a file from outside of the experiment's folder."""
 MOST_READ = 64 << 10
 """Bytes of an old file that are read to show what changes in it."""
 _MOST_LINES = 1500
@@ -43,6 +46,25 @@ def bounded(every: Sequence[Difference]) -> tuple[Difference, ...]:
     left = {one.field for one in gone[_MOST_GONE:]}
     shown = (one for one in every if one.new is not None or one.field not in left)
     return (*shown, Difference(field="container", note=f"and {len(left)} more values that are there, and go"))
+
+
+def untold(every: Sequence[Difference], had: Collection[str], has: Collection[str]) -> tuple[Difference, ...]:
+    """Return differences without old values that were the controller's own, which no EDF of now was allowed to have.
+
+    What comes in their place is shown: an image may bring the label that tells of them.
+
+    Args:
+        every: Of one container.
+        had: What the container that is there took, as `ContainerParams.taken` has it.
+        has: What the wanted one takes: files from elsewhere were allowed to it, too.
+    """
+    hidden, elsewhere = {f"environment.{name}" for name in had}, ELSEWHERE in had and ELSEWHERE not in has
+    return tuple(
+        Difference(field=one.field, old=MASK, new=one.new)
+        if one.old is not None and (elsewhere or one.field in hidden)
+        else one
+        for one in every
+    )
 
 
 def read_start(path: str) -> Query:

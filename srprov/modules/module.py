@@ -31,6 +31,7 @@ CONFIG_HASH = "srprov.config-hash"
 CONFIG_PARTS = "srprov.config-parts"
 SOURCE = "srprov.source"
 STOP_GRACE = "srprov.stop-grace"
+TAKEN = "srprov.taken"
 
 STATE_ROOT = "/var/lib/srprov"
 """Where rendered files live on a robot: STATE_ROOT/<instance>/."""

@@ -1,0 +1,29 @@
+"""What engines say of containers, as it is kept: no value of a controller's environment stands in it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from srprov.modules.container_taken import without_taken
+
+
+def test_variables_that_were_the_controllers_have_masks() -> None:
+    """Also where the EDF that they are collected by takes them no more."""
+    config: dict[str, Any] = {
+        "Labels": {"srprov.taken": "* B PLACE"},
+        "Env": ["A=1", "PLACE=x=y", "B=", "PLACE2=z", "B"],
+    }
+    found = without_taken({"web": {"Id": "1", "Config": config}, "gone": None})
+    masked = {**config, "Env": ["A=1", "PLACE=***", "B=***", "PLACE2=z", "B"]}
+    assert found == {"web": {"Id": "1", "Config": masked}, "gone": None}
+    assert config["Env"][1] == "PLACE=x=y"
+
+
+@pytest.mark.parametrize(
+    "about", [None, 1, "x", [], {}, {"Config": 1}, {"Config": {"Labels": {"srprov.taken": "A"}, "Env": {"A": "b"}}},
+              {"Config": {"Labels": {"srprov.taken": "A"}, "Env": [1, None, ["A=b"]]}}, {"Config": {"Env": ["A=b"]}}],
+)  # fmt: skip
+def test_what_a_robot_says_in_another_form_stays_as_it_is(about: object) -> None:
+    assert without_taken({"web": about}) == {"web": about}
