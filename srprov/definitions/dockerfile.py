@@ -204,7 +204,9 @@ def unclear(text: str) -> tuple[int, str] | None:
     Docker takes quotes and escapes out of options and arguments, ends lines at line feeds only, and takes other
     characters for blanks than others do.
     """
+    last = 0, ""
     for number, line in enumerate(text.removeprefix("\ufeff").replace("\r\n", "\n").split("\n"), 1):
+        last = last if line.strip(" \t")[:1] in ("", "#") else (number, line.rstrip(" \t"))
         if strange := _STRANGE.search(line):
             return number, f"it holds the character U+{ord(strange[0]):04X}"
         if _OTHER_BLANK.match(line.lstrip(" \t")):
@@ -213,6 +215,8 @@ def unclear(text: str) -> tuple[int, str] | None:
             return number, "it changes the escape character"
         if _FRONTEND.match(line.strip()):
             return number, "it names another frontend than docker/dockerfile"
+    if last[1].endswith("\\"):  # what srprov adds below would be a part of it
+        return last[0], "it goes on, and nothing follows"
     for joint in _JOINTS:
         if number := dockerwords.hidden_proxy(instructions(text, joint)):
             return number, "a proxy before FROM is no part of what a builder knows a layer by; write it below"

@@ -131,6 +131,8 @@ UNCLEAR = [
     '{"syntax": "evil.example/frontend"}\nFROM a\n',
     "FROM -- srprov/victim:1\n",
     "FROM a\nONBUILD -- ADD http://127.0.0.1/x /x\n",
+    "FROM a\nRUN echo x \\\n",
+    "FROM a\nRUN echo x \\ \n\n  # c\n",
     "FROM a\nONBU\u0130LD ADD http://127.0.0.1/x /x\n",
 ]
 
