@@ -50,19 +50,21 @@ def load_inventory(paths: tuple[str, ...]) -> Inventory:
 
 
 def _with_become_password(inventory: Inventory) -> Inventory:
-    """Ask once, and give the answer to every robot that has no password of its own."""
+    """Ask once, and give the answer to every robot that has no password of its own, and where root does not log in."""
+    lacking = [name for name, host in inventory.hosts.items() if not host.become_password and host.user != "root"]
+    if not lacking:
+        return inventory
     if not sys.stdin.isatty():
         hint = "set ansible_become_password in the inventory, e.g. in host_vars/ that only you can read"
         raise RefusedError("there is no terminal to ask for sudo's password on", hint=hint, code=Code.NO_TERMINAL)
+    more = f" and {len(lacking) - _MOST_NAMED} more" if len(lacking) > _MOST_NAMED else ""
+    err(f"sudo's password is told any of these that asks: {', '.join(lacking[:_MOST_NAMED])}{more}")
     try:
         password = Secret(click.prompt("sudo password", hide_input=True, err=True, default="", show_default=False))
     except ValueError as error:
         raise UsageError(str(error), code=Code.OPTION_VALUE) from None
-    hosts = {
-        name: host if host.become_password else replace(host, become_password=password)
-        for name, host in inventory.hosts.items()
-    }
-    return replace(inventory, hosts=hosts)
+    given = {name: replace(inventory.hosts[name], become_password=password) for name in lacking}
+    return replace(inventory, hosts={**inventory.hosts, **given})
 
 
 def load_chosen(paths: tuple[str, ...], limit: str, exclude: str) -> Inventory:

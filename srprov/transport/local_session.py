@@ -130,8 +130,9 @@ def _connect(where: str, seconds: float) -> socket.socket | None:
 
 def _start_shell(host: Host, traffic: Traffic, seconds: float, mark: str = "") -> PipeStreams:
     """Start a root shell over pipes and wait until it is ready; its errors are those of `LocalSession.open`."""
-    deadline, nonce, password = Deadline(seconds), secrets.token_hex(16), host.become_password
-    command = start_command(nonce, "sh", root=os.geteuid() == 0, mark=mark, ask=password is not None)
+    deadline, nonce, root = Deadline(seconds), secrets.token_hex(16), os.geteuid() == 0
+    password = None if root else host.become_password
+    command = start_command(nonce, "sh", root=root, mark=mark, ask=password is not None)
     try:
         streams = PipeStreams(command, traffic)
     except OSError as error:

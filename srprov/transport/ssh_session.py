@@ -14,6 +14,7 @@ import paramiko
 
 from srprov.definitions.model import Host
 from srprov.errors import TransportError
+from srprov.secret import Secret
 from srprov.session import Traffic
 from srprov.transport.background import background
 from srprov.transport.deadline import Deadline
@@ -77,7 +78,9 @@ class SshSession(BaseSession):
             session = cls(host, options, peers, Shell(host.name, streams, traffic), mark, connection)
             if options.warm_engine:
                 threading.Thread(target=session.engine.reader.warm, name="warm engine", daemon=True).start()
-            wait_ready(host.name, streams, nonce, deadline, user=settings.user, password=host.become_password)
+            wait_ready(
+                host.name, streams, nonce, deadline, user=settings.user, password=_sudo_password(connection, host)
+            )
             traffic.connect_s = deadline.seconds - deadline.left()
         except BaseException:
             connection.close()
@@ -157,8 +160,8 @@ class SshSession(BaseSession):
         except TransportError as error:
             raise EngineGone(f"{error.message}; {error.hint}") from error
         try:
-            if self._robot.become_password:
-                answer_sudo(channel, nonce, self._robot.become_password, deadline)
+            if password := _sudo_password(self.connection, self._robot):
+                answer_sudo(channel, nonce, password, deadline)
             seen = bytearray()
             while not seen.endswith(ready_line(nonce)):
                 channel.settimeout(deadline.left(0.001))
@@ -183,7 +186,7 @@ class SshSession(BaseSession):
         deadline = Deadline(_SECOND_SHELL_S)
         channel, nonce = _start(self.connection, self._robot, "sh", deadline)
         streams = ChannelStreams(channel)
-        user, password = self.connection.settings.user, self._robot.become_password
+        user, password = self.connection.settings.user, _sudo_password(self.connection, self._robot)
         wait_ready(self.host, streams, nonce, deadline, user=user, password=password)
         return streams
 
@@ -197,8 +200,17 @@ def _start(
 ) -> tuple[paramiko.Channel, str]:
     """Start a command as root; return its channel and the nonce that tells when it is ready."""
     nonce = secrets.token_hex(16)
-    root, ask = connection.settings.user == "root", host.become_password is not None
+    root, ask = _is_root(connection), _sudo_password(connection, host) is not None
     return start(connection, start_command(nonce, then, root=root, mark=mark, ask=ask), deadline), nonce
+
+
+def _is_root(connection: StrictConnection) -> bool:
+    return connection.settings.user == "root"
+
+
+def _sudo_password(connection: StrictConnection, host: Host) -> Secret | None:
+    """Return what sudo is told. Root needs none: what asks there is not sudo, and the password is another robot's."""
+    return None if _is_root(connection) else host.become_password
 
 
 def _engine_socket(channel: paramiko.Channel, reason: Callable[[], str]) -> EngineSocket:

@@ -1,0 +1,39 @@
+"""Whom the password is for that `-K` asks for once."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import pytest
+
+from srprov.cli import inputs
+from srprov.secret import forget
+
+HOSTS = "all: {hosts: {r1: {ansible_user: root}, r2: {ansible_user: pi}, r3: {ansible_become_password: own-word}}}\n"
+
+
+@pytest.fixture(autouse=True)
+def _typed(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setattr(inputs, "asked_for_become", lambda: True)
+    monkeypatch.setattr(sys.stdin, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(click, "prompt", lambda *_words, **_more: "typed-word")
+    yield
+    forget()
+
+
+def test_those_who_may_be_told_it_are_named_first(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Whoever is root on one of them knows it then, so the user sees which they are. Root's login needs none."""
+    (tmp_path / "i.yml").write_text(HOSTS)
+    hosts = inputs.load_inventory((str(tmp_path / "i.yml"),)).hosts
+    given = {name: one.become_password.reveal() for name, one in hosts.items() if one.become_password}
+    assert given == {"r2": "typed-word", "r3": "own-word"}
+    assert capsys.readouterr().err == "sudo's password is told any of these that asks: r2\n"
+
+
+def test_where_nobody_needs_one_none_is_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "i.yml").write_text("all: {hosts: {r1: {ansible_user: root}}}\n")
+    assert inputs.load_inventory((str(tmp_path / "i.yml"),)).hosts["r1"].become_password is None
+    assert capsys.readouterr().err == ""
