@@ -26,12 +26,13 @@ from srprov.errors import TransportError, UsageError
 from srprov.robot_answers import answers_of
 from srprov.secret import Secret
 from srprov.snapshot import report
-from srprov.snapshot.containers import service_of, without
+from srprov.snapshot.containers import service_of
 from srprov.snapshot.folder import Robot, definition_of
 from srprov.snapshot.hider import Hider
 from srprov.snapshot.names_there import NamesThere
 from srprov.snapshot.secret_names import SecretNames
 from srprov.snapshot.settings import service_name
+from srprov.snapshot.without import without
 from srprov.untrusted import mapping, string
 
 REPORT = "report.md"
@@ -172,7 +173,8 @@ def _cleaned(robot: Robot, hider: Hider) -> Robot:
             repositories.append(replace(one, patch=b""))
         else:
             repositories.append(one)
-    services = tuple(without(one, hider, robot.notes) for one in robot.services)
+    own = Hider(value for one in robot.services for value in one.hidden)
+    services = tuple(kept for one in robot.services if (kept := without(one, hider, own, robot.notes)))
     return replace(robot, services=services, repositories=tuple(repositories))
 
 

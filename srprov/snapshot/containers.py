@@ -8,14 +8,12 @@ Source: Docker Engine API 1.41, "Inspect a container", "Inspect an image"; moby 
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from srprov.image_reference import parse_reference
-from srprov.snapshot.hider import Hider
 from srprov.snapshot.mounts import mount_fields
 from srprov.snapshot.notes import Notes
 from srprov.snapshot.secret_names import SecretNames
@@ -216,24 +214,3 @@ def _labels(config: Mapping[str, Any], own: Mapping[str, Any], subject: str, not
         else:
             found[key] = value
     return {"labels": found} if found else {}
-
-
-def without(service: Service, hider: Hider, notes: Notes) -> Service:
-    """Return a service with `***` wherever a value that became a secret, anywhere, stands once more."""
-    found: dict[str, Any] = {}
-    for name, value in service.fields.items():
-        clean = value if name in ("secrets", "image") else _cleaned(value, hider)
-        if clean != value:
-            notes.secret(f"container {service.name}", f"its {name} holds what is a secret elsewhere: *** stands there")
-        found[name] = clean
-    return dataclasses.replace(service, fields=found)
-
-
-def _cleaned(value: Any, hider: Hider) -> Any:  # noqa: ANN401 - any field
-    if isinstance(value, str):
-        return masked(hider.without(value))
-    if isinstance(value, list):
-        return [_cleaned(one, hider) for one in value]
-    if isinstance(value, Mapping):
-        return {key: _cleaned(one, hider) for key, one in value.items()}
-    return value

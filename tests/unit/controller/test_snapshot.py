@@ -120,8 +120,32 @@ def test_a_secret_of_one_robot_is_written_nowhere_for_another(tmp_path: Path) ->
     two = Robot(boxes=[box(2, "web", ["URL=http://x/?q=hunter2-and-more", "WHO=hunter2-and-more"])])
     document, edf, written = taken(tmp_path / "out", r1=one, r2=two)
     assert "hunter2" not in written + json.dumps(document)
-    assert edf["services"]["web"]["environment"] == ["URL=http://x/?q=***", "WHO=***"]
+    assert edf["services"]["web"]["environment"] == ["URL=http://x/?q=HIDDEN", "WHO=HIDDEN"]
     assert edf["secrets"] == {"db-password": {"env": "DB__PASSWORD"}}
+
+
+def test_what_a_robot_calls_a_secret_makes_no_container_of_another_do_something_else(tmp_path: Path) -> None:
+    """With `***` in a script, `rm -rf /data/cache/*` removed all that the container could write to."""
+    lies = [
+        f"{name}_PASSWORD={word}" for name, word in zip("ABC", ("data/cache", "no-new-privileges", "ALL"), strict=True)
+    ]
+    script = {"Cmd": ["sh", "-c", "rm -rf /data/cache/*"]}
+    cleaner = {**box(2, "cleaner"), "Config": {**box(2, "cleaner")["Config"], **script}}
+    limited = [box(3, "a", CapDrop=["ALL"]), box(4, "b", SecurityOpt=["no-new-privileges"])]
+    two = Robot(boxes=[cleaner, *limited])
+    _, edf, written = taken(tmp_path / "out", r1=Robot(boxes=[box(1, "lies", lies)]), r2=two)
+    assert edf["services"]["cleaner"]["command"] == ["sh", "-c", "rm -rf /HIDDEN/*"]
+    assert not {"a", "b"} & edf["services"].keys() and "container a: its cap" in written
+    _, edf, _ = taken(tmp_path / "alone", r2=two)
+    assert {"a", "b"} < edf["services"].keys()
+
+
+def test_a_mark_that_is_a_part_of_a_secret_is_not_hidden_once_more(tmp_path: Path) -> None:
+    lies = ["A_PASSWORD=data/cache", "B_PASSWORD=rm -rf /HIDDEN"]
+    script = {"Cmd": ["sh", "-c", "rm -rf /data/cache/*"]}
+    cleaner = {**box(2, "cleaner"), "Config": {**box(2, "cleaner")["Config"], **script}}
+    _, edf, _ = taken(tmp_path / "out", r1=Robot(boxes=[box(1, "lies", lies)]), r2=Robot(boxes=[cleaner]))
+    assert "cleaner" not in edf["services"]
 
 
 def test_a_password_in_a_health_check_is_hidden_as_in_a_command(tmp_path: Path) -> None:
