@@ -89,14 +89,14 @@ def _located(
     file: str, service: str, inventories: tuple[str, ...], forks: int, timeout: float, instance: str
 ) -> Iterator[tuple[Session, Located]]:
     """Find the one container that is meant, and give the session with its robot."""
-    from srprov.controller.located import locate, only
+    from srprov.controller.located import locate, trusted
     from srprov.facts.gather import Detail
 
     inventory = inputs.load_inventory(inventories)
     name = inputs.named_instance(file, instance)[0]
     experiment = inputs.experiment_if_valid(file)
     with inputs.connect(inventory, timeout, forks) as fleet:
-        where = only(locate(fleet.gather(Detail.BASIC), name, experiment).named([service]))
+        where = trusted(locate(fleet.gather(Detail.BASIC), name, experiment), service)
         session = fleet.sessions.get(where.host)  # of a robot that is out of reach nothing was found
         if where.found is None:
             raise UsageError(

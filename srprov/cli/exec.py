@@ -65,14 +65,14 @@ def exec(
 def _run(
     file: str, service: str, inventories: tuple[str, ...], forks: int, timeout: float, instance: str, what: Exec
 ) -> int:
-    from srprov.controller.located import locate, only
+    from srprov.controller.located import locate, trusted
     from srprov.facts.gather import Detail
 
     inventory = inputs.load_inventory(inventories)
     name = inputs.named_instance(file, instance)[0]
     experiment = inputs.experiment_if_valid(file)
     with inputs.connect(inventory, timeout, forks) as fleet:
-        where = only(locate(fleet.gather(Detail.BASIC), name, experiment).named([service]))
+        where = trusted(locate(fleet.gather(Detail.BASIC), name, experiment), service)
         return _attached(fleet.sessions.get(where.host), where, what)
 
 

@@ -18,7 +18,10 @@ from srprov.facts.model import Snapshot
 from srprov.modules import RUNNING
 from srprov.modules.container import container_name
 from srprov.network.record import PlacementRecord, read_record
+from srprov.record.memory import recall
 from srprov.resource import Observed
+
+_MOST_AWAY = 8
 
 
 class Located(msgspec.Struct, frozen=True, kw_only=True):
@@ -51,6 +54,8 @@ class Whereabouts(msgspec.Struct, frozen=True, kw_only=True):
     notes: tuple[str, ...] = ()
     """What robots say that contradicts others, or that nobody can confirm."""
     unreachable: Mapping[str, str]
+    remembered: bool = True
+    """A run of this machine placed the services; else only robots say where they are."""
 
     def named(self, words: Sequence[str]) -> tuple[Located, ...]:
         """Return what words mean: `SERVICE`, an instance of it, or `SERVICE@ROBOT`; without any, all services.
@@ -127,6 +132,7 @@ def locate(snapshot: Snapshot, instance: str, experiment: Experiment | None = No
         families=_families(by_name),
         notes=(*disputes, *notes),
         unreachable=snapshot.unreachable,
+        remembered=bool(recall(instance).robots),
     )
 
 
@@ -158,6 +164,27 @@ def only(found: tuple[Located, ...]) -> Located:
             f"that is more than one container: {several}", hint="name one of them, or SERVICE@ROBOT", code=Code.WHICH
         )
     return found[0]
+
+
+def trusted(there: Whereabouts, word: str) -> Located:
+    """Return the one container that a word means, for who sends something of the user's own there.
+
+    Each robot may say that a service is on it. The one that has it contradicts, or this machine knows better; where
+    neither can be, as that one may be away, the user says which robot he means.
+
+    Raises:
+        UsageError: It is more than one, or only its robot says that it is there.
+    """
+    found = only(there.named([word]))
+    if there.remembered or not there.unreachable or "@" in word or found.host in there.unreachable:
+        return found
+    away = ", ".join(sorted(there.unreachable)[:_MOST_AWAY])
+    why = f"no run of this machine placed it, and {away} cannot be asked"
+    raise UsageError(
+        f"only {found.host} says that {found.service} is there: {why}",
+        hint=f"name it with its robot: {found.service}@{found.host}",
+        code=Code.DISPUTED,
+    )
 
 
 def containers_of(snapshot: Snapshot, instance: str, services: Sequence[str]) -> list[tuple[str, str, str]]:

@@ -25,7 +25,7 @@ def test_a_robot_out_of_reach_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     for name, given in (("load_inventory", None), ("named_instance", ("closed",)), ("experiment_if_valid", None)):
         monkeypatch.setattr(inputs, name, lambda *_, given=given: given)
     monkeypatch.setattr(inputs, "connect", lambda *_: nullcontext(fleet))
-    monkeypatch.setattr(located, "locate", lambda *_: SimpleNamespace(named=lambda _: [AWAY]))
-    monkeypatch.setattr(located, "only", lambda found: found[0])
+    monkeypatch.setattr(located, "locate", lambda *_: None)
+    monkeypatch.setattr(located, "trusted", lambda *_: AWAY)
     with pytest.raises(ConnectError, match="no answer"), cp._located("a.edf", "s2", (), 1, 1.0, ""):
         pass
