@@ -27,6 +27,7 @@ FORMAT = 2
 Say = Callable[[str], None]
 LEFT_OUT = (
     "./dev/*",
+    "./etc/apt/sources.list",  # of debootstrap's mirror, perhaps with a password; the layer above has one
     "./proc/*",
     "./sys/*",
     "./var/cache/apt/*",
@@ -62,6 +63,8 @@ def _ensure(used: Set[Path], say: Say, foreign: bool) -> Path:
     machine.require(machine.IMAGE_PACKAGES)
     debian = _debian_tar(say)
     say("making the images debian:bookworm and busybox")
+    if kept := trust.kept_here():
+        say(f"without the names and passwords in {', '.join(kept)}: builds on robots have none for a proxy or mirror")
     draft = CACHE / "registry.new"
     shutil.rmtree(draft, ignore_errors=True)
     draft.mkdir()
@@ -97,12 +100,13 @@ def _fingerprint(trusted: dict[str, bytes], variables: dict[str, str], busybox: 
 
 def _debian_tar(say: Say) -> Path:
     """Debootstrap's minimal Debian as a tar file."""
-    ready = CACHE / f"debian-{trust.SUITE}-{architecture()}.tar"
+    mirror = trust.mirror()
+    kind = "-without-login" if trust.without_login(mirror) != mirror else ""
+    ready = CACHE / f"debian-{trust.SUITE}-{architecture()}{kind}.tar"
     if ready.exists():
         return ready
     root = CACHE / "debootstrap.new"
     _remove_root(root)
-    mirror = trust.mirror()
     say(f"making debian:{trust.SUITE} with debootstrap, once; this takes about half a minute")
     machine.run(["debootstrap", "--variant=minbase", trust.SUITE, str(root), mirror])
     draft = ready.with_suffix(".new")

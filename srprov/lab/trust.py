@@ -3,13 +3,15 @@
 Behind a company's proxy or package mirror a plain Debian can install nothing: it knows neither
 the certificates nor the sources. This layer carries the machine's: CA bundle, local certificates,
 apt sources of Debian, apt's settings, and pip's index. Reads the machine; gives paths in the
-image and their contents.
+image and their contents. Names and passwords stay here: every container of a lab reads its image,
+a stranger's too, and a bundle may hold it.
 """
 
 from __future__ import annotations
 
 import configparser
 import io
+import re
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -18,6 +20,11 @@ LOCAL_CERTIFICATES = "usr/local/share/ca-certificates"
 DEFAULT_MIRROR = "http://deb.debian.org/debian"
 SUITE = "bookworm"
 PIP_KEPT = ("index-url", "extra-index-url", "trusted-host", "proxy", "timeout")
+
+_LOGIN = re.compile(r"(?<=://)[^/?#\s\"']*@")
+_BARE_LOGIN = re.compile(r"[^/?#\s\"']*@")
+"""Of a proxy that pip is told without a scheme."""
+_SECRET = re.compile(r"ProxyLogin|passw|token|secret", re.IGNORECASE)
 
 # As in Debian's own image: a build starts no services, keeps no downloads, needs no fsync.
 CONTAINER_HABITS = {
@@ -57,14 +64,27 @@ def mirror() -> str:
     return DEFAULT_MIRROR
 
 
+def without_login(text: str) -> str:
+    """A text whose addresses have no name and no password before the host."""
+    return _LOGIN.sub("", text)
+
+
+def kept_here() -> list[str]:
+    """The files of this machine of which a name, a password or a token is not in the image."""
+    own = [path for path in _setting_files() if _is_taken(_read(path)) and _is_secret(_read(path))]
+    read = [*_source_files(), *filter(lambda path: _is_taken(_read(path)), _setting_files()), Path("/etc/pip.conf")]
+    return [str(path) for path in read if path in own or without_login(_read(path)) != _read(path)]
+
+
 def pip_conf(real: str, bundle: str) -> str:
-    """Settings of pip for the image: the machine's index and the bundle, none of its files."""
+    """Settings of pip for the image: the machine's index and the bundle, none of its files and passwords."""
     parser = configparser.ConfigParser(interpolation=None)
     parser.read_string(real)
     kept = {}
     for key in PIP_KEPT:
         words = parser.get("global", key, fallback="").split()
-        words = [word for word in words if not word.startswith("file:")]
+        words = [_LOGIN.sub("", word) for word in words if not word.startswith("file:")]
+        words = [word if "://" in word else _BARE_LOGIN.sub("", word) for word in words]
         if words:
             kept[key] = " ".join(words)
     target = configparser.ConfigParser(interpolation=None)
@@ -89,9 +109,9 @@ def _apt_sources() -> dict[str, bytes]:
     lines, stanzas = [], []
     for path in _source_files():
         if path.suffix == ".sources":
-            stanzas += [each for each in _read(path).split("\n\n") if is_debian(each)]
+            stanzas += [each for each in without_login(_read(path)).split("\n\n") if is_debian(each)]
         else:
-            lines += [line for line in _read(path).splitlines() if is_debian(line)]
+            lines += [line for line in without_login(_read(path)).splitlines() if is_debian(line)]
     if not lines and not stanzas:
         lines = [f"deb {DEFAULT_MIRROR} {SUITE} main"]
     return {
@@ -111,11 +131,25 @@ def is_debian(source: str) -> bool:
 def _apt_settings() -> dict[str, bytes]:
     """Proxies, timeouts and checks; the machine's other habits are its own."""
     found = {}
-    for path in [Path("/etc/apt/apt.conf"), *sorted(Path("/etc/apt/apt.conf.d").glob("*"))]:
-        text = _read(path)
-        if "Acquire::" in text and "docker" not in path.name:
+    for path in _setting_files():
+        text = without_login(_read(path))
+        if _is_taken(text) and not _is_secret(text):
             found[str(path.relative_to("/"))] = text.encode()
     return found
+
+
+def _setting_files() -> list[Path]:
+    every = [Path("/etc/apt/apt.conf"), *sorted(Path("/etc/apt/apt.conf.d").glob("*"))]
+    return [path for path in every if "docker" not in path.name]
+
+
+def _is_taken(text: str) -> bool:
+    return "Acquire::" in text
+
+
+def _is_secret(text: str) -> bool:
+    """Whether settings hold a password elsewhere than in an address."""
+    return _SECRET.search(without_login(text)) is not None
 
 
 def _read(path: Path | str) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 import yaml
 
@@ -214,6 +216,28 @@ find-links = /wheels
         "[global]\ncert = /bundle\nindex-url = https://index.example/simple\n"
         "extra-index-url = https://more.example/100%/simple\n\n"
     )
+
+
+def test_no_password_of_this_machine_goes_into_the_image(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stranger's container of a lab reads its image."""
+    there = {
+        "/etc/apt/sources.list": "deb http://ann:hunter2@mirror.example/debian bookworm main\n",
+        "/etc/apt/apt.conf": 'Acquire::http::Proxy "http://ann:hunter2@proxy.example:3128/"; Acquire::Retries "3";\n',
+        "/etc/apt/apt.conf.d/ftp": 'Acquire::ftp::ProxyLogin { "PASS hunter2"; };\n',
+        "/etc/apt/apt.conf.d/mine": 'Acquire::Retries "3"; // user@example\n',
+        "/etc/pip.conf": "[global]\nindex-url = https://__token__:hunter2@index.example/simple\n"
+        "proxy = ann:hunter2@proxy.example:3128\n",
+    }
+    monkeypatch.setattr(trust, "_read", lambda path: there.get(str(path), ""))
+    monkeypatch.setattr(trust, "_source_files", lambda: [Path("/etc/apt/sources.list")])
+    monkeypatch.setattr(trust, "_setting_files", lambda: [Path(one) for one in there if "/apt.conf" in one])
+    made = trust.files()
+    assert not [path for path, content in made.items() if b"hunter2" in content or b"ann:" in content]
+    assert made["etc/apt/sources.list"] == b"deb http://mirror.example/debian bookworm main\n"
+    assert b'"http://proxy.example:3128/"' in made["etc/apt/apt.conf"]
+    assert made["etc/apt/apt.conf.d/mine"].decode() == there["/etc/apt/apt.conf.d/mine"]
+    assert b"proxy = proxy.example:3128" in made["etc/pip.conf"]
+    assert set(there) - set(trust.kept_here()) == {"/etc/apt/apt.conf.d/mine"}
 
 
 @pytest.mark.parametrize(
