@@ -16,6 +16,7 @@ import msgspec
 
 from srprov import names
 from srprov.conversion.notes import Notes
+from srprov.definitions.paths import belongs
 from srprov.importing.normal import Normal
 from srprov.importing.position import Path
 
@@ -99,9 +100,12 @@ class Project:
         return os.path.commonpath(self.machine.folders)
 
     def place(self, source: str) -> str:
-        """Return where a file or folder goes in the experiment; empty when it lies outside of the files' folders."""
+        """Return where a file or folder goes in the experiment.
+
+        Empty when it lies outside of the files' folders, or in what version control keeps there, such as tokens.
+        """
         real = os.path.realpath(self.path(source))
-        if not any(real == one or real.startswith(one.rstrip("/") + "/") for one in self.machine.folders):
+        if not any(belongs(real, one) for one in self.machine.folders):
             return ""
         below = os.path.relpath(real, self.base)
         first = [FILES, *([_word(self.machine.robot)] if self.machine.robot else [])]

@@ -9,6 +9,7 @@ import os
 from dataclasses import dataclass, field
 
 from srprov.codes import Code
+from srprov.definitions.paths import belongs
 from srprov.errors import DefinitionError, Diagnostic
 from srprov.importing.compose.scalars import Date, meaning
 from srprov.importing.compose.scalars import shown as as_printed
@@ -37,12 +38,14 @@ class Reading:
     def inside(self, path: str, named: Value) -> str:
         """Return the real path of a file that a file names; it must lie in a folder of the user's own files.
 
+        It must not be what version control keeps there, such as a token.
+
         Raises:
             Refused: It does not.
         """
         real = os.path.realpath(path)
-        if not any(os.path.commonpath((real, root)) == root for root in self.roots):
-            message = f"'{named.data}' lies outside of the project's folder, and is not read"
+        if not any(belongs(real, root) for root in self.roots):
+            message = f"'{named.data}' lies outside of the project's folder, or in .git or the like, and is not read"
             raise Refused(
                 [Diagnostic(named.at, message, hint="copy it into the folder of the Compose file", code=Code.OUTSIDE)]
             )

@@ -82,3 +82,34 @@ def test_nothing_beside_a_file_in_the_home_is_imported(
     monkeypatch.setenv("HOME", str(project))
     assert run(["import", tool[0], str(project / tool[1]), "-o", "out"]) == 5
     assert "it lies in your home" in capsys.readouterr().err and not (private.parents[1] / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "service",
+    [
+        "env_file: .git/credentials",
+        "env_file: g/credentials",
+        "label_file: .git/credentials",
+        "volumes: ['./.git/credentials:/x:ro']",
+        "volumes: ['./.git:/x']",
+        "configs: [c]",
+        "build: .git",
+    ],
+)
+def test_nothing_that_version_control_keeps_is_imported(
+    tmp_path: Path, service: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Values of an env file stand in the experiment afterwards, and nobody is asked for them any more."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / ".git").mkdir()
+    (tmp_path / ".git" / "credentials").write_text(f"https://me:{CANARY}@example.org\n")
+    (tmp_path / ".git" / "Dockerfile").write_text("FROM busybox\n")
+    (tmp_path / "g").symlink_to(".git")
+    of_image = "" if service.startswith("build") else "image: x, "
+    (tmp_path / "compose.yml").write_text(
+        f"services: {{a: {{{of_image}{service}}}}}\nconfigs: {{c: {{file: .git/credentials}}}}\n"
+    )
+    assert run(["import", "compose", "compose.yml", "--name", "x", "-o", "out"]) == 5
+    told = capsys.readouterr()
+    assert "lies outside" in told.out + told.err and CANARY not in told.out + told.err
+    assert not Path("out").exists()
