@@ -17,6 +17,7 @@ from msgspec.structs import replace
 
 from srprov import regular_file
 from srprov.codes import Code
+from srprov.definitions.homes import homes_in
 from srprov.definitions.model import VERSION_CONTROL
 from srprov.errors import DefinitionError, Diagnostic, Location, UsageError
 from srprov.yamldoc.allowance import Allowance, current
@@ -41,22 +42,16 @@ def inside(path: str, folder: str) -> bool:
 
 
 def belongs(path: str, folder: str) -> bool:
-    """Return whether a path, links followed, lies in a folder, and is not what the user's programs keep there.
+    """Return whether a path, links followed, lies in a folder, and is not what people's programs keep there.
 
-    That is what version control has, and what lies in the user's home, or holds it: where the folder is the home, all.
+    That is what version control has, and what lies in a home, or holds one: where the folder is a home, all.
     """
     real, root = os.path.realpath(path), os.path.realpath(folder)
     if not _is_below(real, root) or root == os.sep:
         return False
     below = os.path.relpath(real, root).lower()  # a disk may take names in any case
-    of_home = holds_home(root) and (inside(real, os.path.expanduser("~")) or holds_home(real))
+    of_home = any(_is_below(real, home) or _is_below(home, real) for home in homes_in(root))
     return not of_home and VERSION_CONTROL.isdisjoint(below.split(os.sep))
-
-
-def holds_home(folder: str) -> bool:
-    """Return whether the user's home is a folder, or lies below it."""
-    home = os.path.expanduser("~")
-    return os.path.isabs(home) and inside(home, folder)
 
 
 def _is_below(real: str, root: str) -> bool:

@@ -10,7 +10,8 @@ import os
 from collections.abc import Sequence
 
 from srprov.codes import Code
-from srprov.definitions.paths import holds_home, inside, link_out
+from srprov.definitions.homes import homes_in
+from srprov.definitions.paths import inside, link_out
 from srprov.errors import Diagnostic
 from srprov.importing.normal import Refused
 from srprov.importing.position import Position
@@ -26,7 +27,7 @@ def check_named(files: Sequence[str]) -> None:
         Refused: One of them is such a file.
     """
     for one in files:
-        if holds_home(os.path.dirname(os.path.abspath(one))):
+        if homes_in(os.path.dirname(os.path.abspath(one))):
             message, hint = "it lies in your home, of which it may name any file", "put it into a folder of its own"
             raise Refused([Diagnostic(Position(one), message, hint=hint, code=Code.OUTSIDE)])
     folders = sorted({os.path.dirname(os.path.abspath(one)) for one in files}, key=len)

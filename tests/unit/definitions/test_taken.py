@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from srprov.cli.main import run
-from srprov.definitions import check_files, load_experiment, load_inventory
+from srprov.definitions import check_files, homes, load_experiment, load_inventory
 from srprov.errors import DefinitionError
 from srprov.planning.policy import permissions
 from srprov.secret import forget, redact
@@ -130,6 +130,18 @@ def test_what_lies_beside_an_edf_in_the_home_is_asked_for(
     beside = {("outside", str(exp / name)) for name in ("t.cdf", "v.env")}
     shipped = {("outside", f"{exp}/.ssh/")}
     assert asked(path) == {"exp": beside | shipped, ".": set()}.get(home, shipped)
+
+
+@pytest.mark.parametrize("by", ["sudo", "owner"])
+def test_what_lies_in_the_home_of_whom_the_user_came_from_is_asked_for(
+    here: Path, by: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With sudo HOME is root's: the lab's key is root's alone, so its robots are reached so."""
+    (here / "exp" / ".ssh").mkdir()
+    users = {4321: str(here / "exp"), os.getuid(): str(here / "exp") if by == "owner" else "/nonexistent"}
+    monkeypatch.setattr(homes, "_home", lambda user: users.get(user, ""))
+    monkeypatch.setenv("SUDO_UID", "4321" if by == "sudo" else "x")
+    assert asked(edf(here, "{image: busybox, volumes: ['./.ssh:/s']}")) == {("outside", f"{here}/exp/.ssh/")}
 
 
 @pytest.mark.parametrize("verb", [["plan"], ["apply", "--yes"], ["plan", "--allow", "env", "--allow", "secret"]])
