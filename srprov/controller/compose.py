@@ -26,7 +26,7 @@ from srprov.definitions import envfile
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.expand import expand
 from srprov.definitions.model import Definitions, Experiment
-from srprov.definitions.paths import inside
+from srprov.definitions.paths import inside, named
 from srprov.errors import DefinitionError, UsageError
 from srprov.exporting import Wanted, export
 from srprov.exporting.model import Export
@@ -240,8 +240,7 @@ def _env_files(source: Source) -> dict[str, dict[str, str]]:
         items = [given] if isinstance(given, nodes.Scalar) else given.items if isinstance(given, nodes.Seq) else ()
         for item in items:
             if isinstance(item, nodes.Scalar):
-                path = os.path.normpath(os.path.join(experiment.folder, item.text))
-                text = experiment.contents[path].decode("utf-8-sig")  # as it was checked
+                text = experiment.contents[named(item)].decode("utf-8-sig")  # as it was checked
                 found.setdefault(name, {}).update(envfile.parse(text, item.text, source.open)[0])
     return found
 

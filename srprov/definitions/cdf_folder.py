@@ -11,6 +11,7 @@ import itertools
 import os
 from collections.abc import Iterator
 
+from srprov.definitions import paths
 from srprov.errors import DefinitionError
 from srprov.yamldoc import loader
 from srprov.yamldoc.allowance import allowance
@@ -70,4 +71,4 @@ def _named(path: str) -> Iterator[str]:
     entries = services.entries.values() if isinstance(services, Map) else ()
     for node in (root.entries.get("extends"), *(one.entries.get("cdf") for one in entries if isinstance(one, Map))):
         if isinstance(node, Scalar) and node.text and "\0" not in node.text:
-            yield os.path.realpath(os.path.join(os.path.dirname(path), node.text))
+            yield os.path.realpath(paths.named(node))

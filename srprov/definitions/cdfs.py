@@ -71,7 +71,7 @@ def _loaded(key: str, root: str, folder: str, environ: Mapping[str, str], shown:
 
 def _beside(cdf: Scalar, findings: Findings, path: Path) -> str:
     """Return the absolute path of a CDF on this disk, or nothing."""
-    key = os.path.normpath(os.path.join(cdf.source.folder, cdf.text))
+    key = paths.named(cdf)
     if "\0" not in key and os.path.isfile(key):
         return key
     what = "is a folder, not a CDF" if os.path.isdir(key.replace("\0", "")) else "does not exist"

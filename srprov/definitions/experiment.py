@@ -140,7 +140,7 @@ def _files(root: Map, experiment: Experiment, read: cdfs.Cdfs) -> tuple[str, ...
 
 
 def _env_files(entry: Map) -> list[str]:
-    return [os.path.join(each.source.folder, each.text) for each in scalars(entry.entries.get("env_file"))]
+    return [paths.named(each) for each in scalars(entry.entries.get("env_file"))]
 
 
 def _services(

@@ -131,6 +131,14 @@ def root_for(folder: str, experiment_folder: str) -> str:
     return experiment_folder if inside(folder, experiment_folder) else folder
 
 
+def named(node: Scalar) -> str:
+    """Return the absolute path that a scalar names relative to its own file: whoever reads or judges it takes this one.
+
+    `..` is taken out of the text first. The kernel would go by the links before it, to another file.
+    """
+    return os.path.normpath(os.path.join(node.source.folder, node.text))
+
+
 def resolve(node: Scalar, experiment_folder: str, findings: Findings, path: Path, *, tree: bool = False) -> str:
     """Return the absolute real path that a scalar names relative to its own file; with `tree`, check links in it too.
 
@@ -142,10 +150,9 @@ def resolve(node: Scalar, experiment_folder: str, findings: Findings, path: Path
         return ""
     folder = node.source.folder
     root = root_for(folder, experiment_folder)
-    absolute = os.path.normpath(os.path.join(folder, text))
     try:
         # looked up once: what is checked here is what is read later, by a path without links
-        real = os.path.realpath(absolute)
+        real = os.path.realpath(named(node))
         escapes, exists = not inside(real, root), os.path.exists(real)
     except (OSError, ValueError):
         real, escapes, exists = "", False, False

@@ -133,8 +133,7 @@ def _env_files(node: Node | None, folder: str, environ: Mapping[str, str], findi
             continue
         try:
             shown = paths.shown_beside(item.source.file, item.text)
-            named = os.path.normpath(os.path.join(item.source.folder, item.text))
-            words = loader.read_text(real, shown, envfile.MAX_BYTES, real=True, known_as=named)
+            words = loader.read_text(real, shown, envfile.MAX_BYTES, real=True, known_as=paths.named(item))
             found, bare, problems = envfile.parse(words, shown, environ)
         except DefinitionError as error:
             found, bare, problems = {}, set(), list(error.problems)

@@ -116,6 +116,18 @@ def test_what_version_control_keeps_in_the_folder_is_asked_for(here: Path, servi
     assert asked(edf(here, service, top)) == {("outside", f"{exp}/{what}")}
 
 
+def test_an_env_file_is_judged_by_the_path_by_which_it_is_read(here: Path) -> None:
+    """It is read by its path without `..`; by the links on its way it would be another one."""
+    exp = here / "exp"
+    (exp / ".git").mkdir()
+    (exp / ".git" / "credentials").write_text(f"https://me:{MARK}@example.org\n")
+    (exp / "a" / "b").mkdir(parents=True)
+    (exp / "link").symlink_to("a/b")
+    (exp / "g").symlink_to(".git")
+    path = edf(here, "{image: busybox, env_file: link/../g/credentials}")
+    assert asked(path) == {("outside", f"{exp}/.git/credentials")}
+
+
 @pytest.mark.parametrize("home", ["exp", ".", "exp/.ssh", "exp/.ssh/ada"])
 def test_what_lies_beside_an_edf_in_the_home_is_asked_for(
     here: Path, home: str, monkeypatch: pytest.MonkeyPatch
