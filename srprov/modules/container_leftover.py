@@ -14,7 +14,11 @@ BUILD = ".build"
 """The instance label of containers of a build, which `images/mark.py` sets; no instance has that name."""
 LISTING = "srprov..packages-"
 """How the name of a container begins that lists an image's packages; one runs only under the lock of its robot."""
-_NAME = re.compile(r"[a-zA-Z0-9][a-zA-Z0-9_.-]{0,254}", re.ASCII)
+_OF_ENGINE = re.compile(r"[a-z]{1,40}_[a-z]{1,40}[0-9]{0,2}|[0-9a-f]{12}")
+"""What an engine calls a container that nobody gives a name: two words, or the beginning of its id."""
+_IMAGE = re.compile(r"sha256:[0-9a-f]{64}")
+"""A builder names the image of its last step by its id; whoever runs one, by its name."""
+_LISTED = re.compile(rf"{re.escape(LISTING)}[0-9a-f]{{12}}")
 _END_PROCESS = r"""for p in /proc/[0-9]*; do
     case $(tr '\0' ' ' <"$p/cmdline") in
         *containerd-shim*" -id ID"*) kill -9 "${p#/proc/}" ;;
@@ -29,12 +33,14 @@ _ID = re.compile(r"[0-9a-f]{12,64}")
 def left_by_build(item: Mapping[str, Any], state: Mapping[str, Any]) -> Observed | None:
     """Return a container of a build that is over; one that runs may belong to a build that is under way.
 
+    Its label alone says nothing: whoever publishes an image may give it that, and containers of others have it then.
     One that lists packages counts also while it runs, and may do so for ever: who removes it has the robot's lock.
     """
     names = item.get("Names")
     name = string(names[0]).removeprefix("/") if isinstance(names, list) and names else ""
     listing = name.startswith(LISTING)
-    if (state["state"] == "running" and not listing) or not _NAME.fullmatch(name):
+    of_build = _OF_ENGINE.fullmatch(name) and _IMAGE.fullmatch(string(item.get("Image")))
+    if not (of_build and state["state"] != "running") and not (listing and _LISTED.fullmatch(name)):
         return None
     why = {"leftover": f"left by a {'lock' if listing else 'build'} that was cut off"}
     return Observed(module="container", name=name, instance="", state={**state, **why})
