@@ -18,7 +18,7 @@ from msgspec.structs import replace
 from srprov import regular_file
 from srprov.codes import Code
 from srprov.definitions.homes import homes_in
-from srprov.definitions.model import VERSION_CONTROL
+from srprov.definitions.version_control import is_kept
 from srprov.errors import DefinitionError, Diagnostic, Location, UsageError
 from srprov.yamldoc.allowance import Allowance, current
 from srprov.yamldoc.nodes import Findings, Path, Scalar
@@ -49,9 +49,8 @@ def belongs(path: str, folder: str) -> bool:
     real, root = os.path.realpath(path), os.path.realpath(folder)
     if not _is_below(real, root) or root == os.sep:
         return False
-    below = os.path.relpath(real, root).lower()  # a disk may take names in any case
     of_home = any(_is_below(real, home) or _is_below(home, real) for home in homes_in(root))
-    return not of_home and VERSION_CONTROL.isdisjoint(below.split(os.sep))
+    return not of_home and not is_kept(real, root)
 
 
 def _is_below(real: str, root: str) -> bool:

@@ -116,6 +116,14 @@ def test_what_version_control_keeps_in_the_folder_is_asked_for(here: Path, servi
     assert asked(edf(here, service, top)) == {("outside", f"{exp}/{what}")}
 
 
+def test_what_version_control_keeps_is_known_by_another_name_that_a_disk_has_for_it(here: Path) -> None:
+    """`GIT~1` on a disk of Windows; here it is a second name of the file that a worktree has."""
+    exp = here / "exp"
+    (exp / ".git").write_text("gitdir: /home/me/x/.git/worktrees/y\n")
+    os.link(exp / ".git", exp / "GIT~1")
+    assert asked(edf(here, "{image: busybox, volumes: ['./GIT~1:/g']}")) == {("outside", f"{exp}/GIT~1")}
+
+
 def test_an_env_file_is_judged_by_the_path_by_which_it_is_read(here: Path) -> None:
     """It is read by its path without `..`; by the links on its way it would be another one."""
     exp = here / "exp"
