@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 import msgspec
 
 from srprov import regular_file
-from srprov.images.plan import LEFT_OUT, ListedFile
+from srprov.images.plan import LEFT_OUT, ListedFile, is_left_out
 
 MAX_BYTES = 96 * regular_file.MIB
 """Of all that an experiment ships, and so of one file or folder, which definitions/paths.py tells at its line. It is
@@ -163,7 +163,7 @@ def tree_tar(path: str) -> bytes:
     """
     buffer, name, budget = io.BytesIO(), os.path.basename(path), _budget.get() or _Budget()
     mode = os.stat(path, follow_symlinks=False).st_mode
-    below = _below(path, LEFT_OUT if LEFT_OUT.isdisjoint(path.split("/")) else ()) if stat.S_ISDIR(mode) else []
+    below = _below(path, () if is_left_out(path) else LEFT_OUT) if stat.S_ISDIR(mode) else []
     with tarfile.open(fileobj=buffer, mode="w", format=tarfile.PAX_FORMAT) as tar:
         for one in [_Found("", mode, None), *below]:
             entry = tarfile.TarInfo(os.path.join(name, one.path).rstrip("/"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from srprov.definitions.model import makes_repository
+from srprov.definitions.model import repository_in
 from srprov.errors import visible
 
 _MOST_TOLD, _LONGEST = 1000, 400
@@ -39,8 +39,7 @@ class Copied:
             first: The first one that the container chose.
             folder: Whether it is a folder itself.
         """
-        own = range(first, len(parts))
-        at = next((at for at in own if makes_repository(parts[at], folder=folder or at < own[-1])), None)
+        at = repository_in(parts, folder=folder, first=first)
         if at is None:
             return False
         if (path := "/".join(parts[: at + 1])) != self._repository:

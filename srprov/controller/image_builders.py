@@ -78,9 +78,8 @@ def check_builders(steps: Collection[Resource], inventory: Inventory, snapshot: 
         )
 
 
-def _strange_builds(
-    steps: Collection[Resource], inventory: Inventory, snapshot: Snapshot
-) -> Iterator[tuple[str, str]]:  # fmt: skip
+def _strange_builds(steps: Collection[Resource], inventory: Inventory, snapshot: Snapshot) -> Iterator[tuple[str, str]]:
+    """Yield image and builder of each that is built, or copied from its builder, where this inventory would not."""
     builders = inventory.groups.get(BUILDERS, ())
     # one that was not asked may be of any architecture
     unasked = inventory.hosts.keys() - snapshot.facts.keys() - snapshot.unreachable.keys()

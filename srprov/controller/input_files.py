@@ -19,7 +19,7 @@ from srprov.controller.plan import Planned
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.lockfile import lock_path
 from srprov.errors import UsageError
-from srprov.images.plan import LEFT_OUT
+from srprov.images.plan import is_left_out
 
 _LARGEST = 8 * regular_file.MIB
 """Of a definition file: what it may have as one."""
@@ -148,7 +148,7 @@ def _listed(planned: Planned) -> Iterator[tuple[str, _Listed]]:
     sources = {file.source for one in containers.values() for file in one.files if not one.image}
     for source in sorted(mounts | sources):
         for item in disk.listing(source):
-            if not item.left_out or not LEFT_OUT.isdisjoint(source.split("/")):
+            if not item.left_out or is_left_out(source):
                 listed = _Listed(item.executable, item.link, source in sent)
                 yield os.path.join(source, item.path).rstrip("/"), listed
     contexts = {_context(one) for one in _built(planned) if one.dockerfile}

@@ -50,10 +50,8 @@ def check_claim(saved: PlanFile, snapshot: Snapshot, *, adopt: bool) -> None:
         what = f"would change instance '{saved.plan.instance}'{_where(saved.plan.instance, snapshot)}"
         hint = "apply it with --signers FILE if it is signed, or --adopt if you believe its writer"
     elif kept := sorted(names_of(saved.also_wanted)):
-        what, hint = (
-            f"would use what is there of secrets: {', '.join(kept)}",
-            "apply it with --signers FILE if it is signed",
-        )
+        what = f"would use what is there of secrets: {', '.join(kept)}"
+        hint = "apply it with --signers FILE if it is signed"
     else:
         return
     raise RefusedError(

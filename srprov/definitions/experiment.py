@@ -116,9 +116,9 @@ def _checked(
     playbooks = playbook.from_experiment(root, folder, findings)
     checks.check(root, services, containers, findings)
     trial_definitions = trials.read(root, services, findings)
-    env_files = {name: _env_files(entry) for name, entry in checks.service_maps(root).items()}
     if findings.problems:
         raise DefinitionError(findings.problems)
+    env_files = {name: _env_files(entry) for name, entry in checks.service_maps(root).items()}
     return replace(
         _experiment(root, path, services),
         secrets=sources,

@@ -6,7 +6,7 @@ unit (bytes, seconds). Nothing here can read a file.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -31,6 +31,15 @@ def makes_repository(name: str, *, folder: bool) -> bool:
     A folder with a file `HEAD` may be one by itself; a disk may take names in any case.
     """
     return name.casefold() in VERSION_CONTROL or (name.casefold() == "head" and not folder)
+
+
+def repository_in(parts: Sequence[str], *, folder: bool, first: int = 0) -> int | None:
+    """Return which of a path's names, from `first` on, is the first that makes a repository, or None.
+
+    `folder` says whether what the whole path leads to is a folder; all above it are.
+    """
+    every = range(first, len(parts))
+    return next((at for at in every if makes_repository(parts[at], folder=folder or at < every[-1])), None)
 
 
 class Host(msgspec.Struct, frozen=True, kw_only=True):

@@ -72,9 +72,7 @@ def _check_kinds(
             return
 
 
-def _check_said(
-    volume: str, services: Sequence[Service], known: Mapping[str, Map], findings: Findings
-) -> None:  # fmt: skip
+def _check_said(volume: str, services: Sequence[Service], known: Mapping[str, Map], findings: Findings) -> None:
     """Check that the EDF gives the volume to each of them; but services of one CDF have one author anyway."""
     left = [one for one in services if volume not in _of_edf(known[one.name])]
     if not left or (len(left) == len(services) and len({one.cdf for one in services}) == 1):

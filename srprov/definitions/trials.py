@@ -14,7 +14,7 @@ from typing import TypeVar
 
 from srprov.codes import Code
 from srprov.definitions import trialchecks, trialconditions
-from srprov.definitions.model import Service, makes_repository
+from srprov.definitions.model import Service, repository_in
 from srprov.definitions.trialsmodel import Limits, Margin, Metric, Parameter, Result, TrialDefinitions, TrialSettings
 from srprov.definitions.values import duration, scalars, text, texts
 from srprov.yamldoc import nodes
@@ -192,7 +192,7 @@ def _result(node: Node, path: Path, findings: Findings) -> Result:
     get = _map(node).get
     most, required = get("max"), get("required")
     place = node if isinstance(node, Scalar) else get("path")
-    if place is not None and any(makes_repository(one, folder=True) for one in text(place).split("/")):
+    if place is not None and repository_in(text(place).split("/"), folder=True) is not None:
         told = f"'{text(place)[:80]}' would make a repository here, whose settings may name programs"
         findings.add(place, told, path, "have the service pack it into a file", code=Code.WRONG_VALUE)
     if isinstance(node, Scalar):

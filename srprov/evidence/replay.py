@@ -17,7 +17,7 @@ from msgspec.structs import replace
 
 from srprov import believed, private, regular_file
 from srprov.codes import Code
-from srprov.definitions.model import Host, Inventory, makes_repository
+from srprov.definitions.model import Host, Inventory, repository_in
 from srprov.errors import RefusedError, UsageError, did_you_mean
 from srprov.evidence import story, verify
 from srprov.evidence.compare_inputs import facts_of
@@ -101,11 +101,6 @@ def _needed(told: Story, robot: str, facts: Mapping[str, Any]) -> Needed:
     return Needed(tags=tuple(sorted(tags)), devices=tuple(sorted(devices)), arch=arch)
 
 
-def _in_repository(name: str) -> bool:
-    *folders, last = name.split("/")
-    return makes_repository(last, folder=False) or any(makes_repository(one, folder=True) for one in folders)
-
-
 def unpack(bundle: Bundle, folder: Path) -> None:
     """Write the definitions of a bundle's last session into a folder, which is new, or has just them already.
 
@@ -117,7 +112,7 @@ def unpack(bundle: Bundle, folder: Path) -> None:
     with _opened(bundle) as (files, told):
         home = f"{told.home}/inputs/"
         names = [name for name in below(files, home) if name != home + _INVENTORY]
-        if strange := next(filter(_in_repository, names), ""):
+        if strange := next((one for one in names if repository_in(one.split("/"), folder=False) is not None), ""):
             what = f"{bundle.path} holds {strange.removeprefix(home)}"
             why = f"{what}: a repository would say whose experiment it is, or name programs"
             raise UsageError(why, hint="ask its author for one without it", code=Code.REPLAY)

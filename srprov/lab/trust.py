@@ -71,9 +71,11 @@ def without_login(text: str) -> str:
 
 def kept_here() -> list[str]:
     """The files of this machine of which a name, a password or a token is not in the image."""
-    own = [path for path in _setting_files() if _is_taken(_read(path)) and _is_secret(_read(path))]
-    read = [*_source_files(), *filter(lambda path: _is_taken(_read(path)), _setting_files()), Path("/etc/pip.conf")]
-    return [str(path) for path in read if path in own or without_login(_read(path)) != _read(path)]
+    settings = {path: text for path in _setting_files() if _is_taken(text := _read(path))}
+    others = {path: _read(path) for path in (*_source_files(), Path("/etc/pip.conf"))}
+    left_out = {path for path, text in settings.items() if _is_secret(text)}
+    cut = {path for path, text in {**settings, **others}.items() if without_login(text) != text}
+    return sorted(map(str, left_out | cut))
 
 
 def pip_conf(real: str, bundle: str) -> str:

@@ -85,8 +85,9 @@ class DataModule(Module[DataParams]):
         mark = f"mkdir -p {quote(posixpath.dirname(name))} && echo begun >{quote(name)}"
         size = f" ({want.size / (1 << 20):.1f} MiB)" if want.size else ""
         action = Action.CREATE if found is None else Action.UPDATE
-        cause = f"not used there yet{size}" if found is None else f"its content is not there{size}"
-        cause = "its content is not of that address" if given else cause
+        cause = f"not used there yet{size}"
+        if found is not None:
+            cause = "its content is not of that address" if given else f"its content is not there{size}"
         send = SendData(sha256=want.sha256, url=want.url)
         # whoever only knows the hash of what is there for others does not get it, also when he tries again
         end = f"echo {quote(f'from {giver}')} >{quote(name)}" if giver else f": >{quote(name)}"

@@ -209,7 +209,7 @@ def _paths(run: Runtime, written: _Places) -> Iterator[tuple[str, str]]:
                 kind, why = GRAVE, f"{_OTHERS}: a link there leads anywhere"
             made = "made where it is not there" if mount.create_host_path else ""
             notes = [note for note in (_READ_ONLY if mount.read_only else "", made, why) if note]
-            yield kind, f"{mount.source}{' (' + '; '.join(notes) + ')' if notes else ''}"
+            yield kind, noted(mount.source, "; ".join(notes))
 
 
 def _hardware(run: Runtime, written: _Places) -> Iterator[tuple[str, str]]:

@@ -8,7 +8,7 @@ would in `rm -rf /data/cache/*`, and a container that would lose a limit by it i
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from srprov.redaction import MASK
@@ -38,7 +38,7 @@ def without(service: Service, hider: Hider, own: Hider, notes: Notes) -> Service
     for name, value in service.fields.items():
         clean = value if name in _KEPT else _cleaned(value, hider)
         if clean != value and clean != _cleaned(value, own):
-            clean = _replaced(clean)
+            clean = _texts(clean, lambda text: text.replace(MASK, ANOTHERS))
             if name not in _WORDS or _cleaned(clean, hider) != clean:
                 notes.lost(subject, f"its {name} holds what is a secret of another robot: it is left out")
                 return None
@@ -50,18 +50,15 @@ def without(service: Service, hider: Hider, own: Hider, notes: Notes) -> Service
 
 
 def _cleaned(value: Any, hider: Hider) -> Any:  # noqa: ANN401 - any field
+    return _texts(value, lambda text: masked(hider.without(text)))
+
+
+def _texts(value: Any, change: Callable[[str], str]) -> Any:  # noqa: ANN401 - any field
+    """Return a field with every text in it changed, but for keys."""
     if isinstance(value, str):
-        return masked(hider.without(value))
+        return change(value)
     if isinstance(value, list):
-        return [_cleaned(one, hider) for one in value]
+        return [_texts(one, change) for one in value]
     if isinstance(value, Mapping):
-        return {key: _cleaned(one, hider) for key, one in value.items()}
+        return {key: _texts(one, change) for key, one in value.items()}
     return value
-
-
-def _replaced(value: Any) -> Any:  # noqa: ANN401 - any field
-    if isinstance(value, str):
-        return value.replace(MASK, ANOTHERS)
-    if isinstance(value, list):
-        return [_replaced(one) for one in value]
-    return {key: _replaced(one) for key, one in value.items()} if isinstance(value, Mapping) else value
