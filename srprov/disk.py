@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 import msgspec
 
 from srprov import regular_file
-from srprov.images.plan import LEFT_OUT, ListedFile, is_left_out
+from srprov.images.plan import LEFT_OUT, ListedFile
 
 MAX_BYTES = 96 * regular_file.MIB
 """Of all that an experiment ships, and so of one file or folder, which definitions/paths.py tells at its line. It is
@@ -104,11 +104,24 @@ def listing(path: str) -> Iterator[ListedFile]:
     Raises:
         OSError: It cannot be read, holds too much, or something that is no file.
     """
+    yield from _listed(path, ())
+
+
+def shipped(path: str) -> Iterator[ListedFile]:
+    """Return of a file or folder just what `tree_tar` takes of it; what is left out there is not even looked into.
+
+    Raises:
+        OSError: As `tree_tar`.
+    """
+    yield from _listed(path, LEFT_OUT)
+
+
+def _listed(path: str, without: Collection[str]) -> Iterator[ListedFile]:
     about = os.stat(path, follow_symlinks=False)
     if not stat.S_ISDIR(about.st_mode):
         yield ListedFile("", executable=bool(about.st_mode & 0o111) and os.access(path, os.X_OK))
         return
-    for one in _below(path):
+    for one in _below(path, without):
         if one.link is not None:
             yield ListedFile(one.path, link=one.link)
         elif stat.S_ISREG(one.mode):
@@ -156,14 +169,15 @@ def _found(path: str, one: os.DirEntry[str], folder: int) -> _Found:
 def tree_tar(path: str) -> bytes:
     """Return a file or folder as a tar with one top entry, equal for equal content: sorted, no owners, no times.
 
-    `.git` and the like are left out, which hold tokens and differ between clones, but where the path lies in one.
+    `.git` and the like below it are left out, which hold tokens and differ between clones; so a path to one gives what
+    is in it. What the folders above are called says nothing: who has a project cloned chooses that.
 
     Raises:
         OSError: It cannot be read, holds too much, or something that is no file.
     """
     buffer, name, budget = io.BytesIO(), os.path.basename(path), _budget.get() or _Budget()
     mode = os.stat(path, follow_symlinks=False).st_mode
-    below = _below(path, () if is_left_out(path) else LEFT_OUT) if stat.S_ISDIR(mode) else []
+    below = _below(path, LEFT_OUT) if stat.S_ISDIR(mode) else []
     with tarfile.open(fileobj=buffer, mode="w", format=tarfile.PAX_FORMAT) as tar:
         for one in [_Found("", mode, None), *below]:
             entry = tarfile.TarInfo(os.path.join(name, one.path).rstrip("/"))

@@ -7,12 +7,16 @@ files, options, plan files and what robots say. Pure. `fullmatch` everywhere: `$
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 from srprov.codes import Code
 from srprov.errors import UsageError
 
 RESERVED = frozenset({"localhost", "ip6-localhost", "ip6-loopback", "ip6-allnodes", "ip6-allrouters"})
 """Names that a hosts file gives to other addresses."""
+
+OWN_LABELS, DOCKERS_LABELS = "srprov", ("com.docker", "io.docker", "org.dockerproject")
+"""How labels of containers begin by which srprov, or a program of Docker's, knows its own."""
 
 _RULES = {
     "instance": (re.compile(r"[a-z0-9-]{1,32}"), "lower-case letters, digits and '-', 32 at most"),
@@ -58,6 +62,23 @@ def checked(kind: str, name: str, hint: str = "") -> str:
     if wrong := fault(kind, name):
         raise UsageError(wrong, hint=hint, code=Code.NAME)
     return name
+
+
+def label_fault(name: str) -> str:
+    """Return what is wrong with a label for a container, or nothing."""
+    if _begins(name, OWN_LABELS):
+        return f"the label '{name[:60]}' is srprov's own"
+    taken = any(_begins(name, one) for one in DOCKERS_LABELS)
+    return f"the label '{name[:60]}' is one that Docker's own programs go by" if taken else ""
+
+
+def _begins(name: str, word: str) -> bool:
+    return name == word or name.startswith(f"{word}.")
+
+
+def few(names: Sequence[str], most: int) -> str:
+    """Return names for a sentence, such as `a, b and 3 more`: the first ones, and how many are not shown."""
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 def _article(kind: str) -> str:

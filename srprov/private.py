@@ -25,6 +25,12 @@ def cache_folder() -> Path:
     return base / "srprov"
 
 
+def state_folder() -> Path:
+    """Return where runs and what is known of them are kept: the XDG base directory specification's, of the user."""
+    state = os.environ.get("XDG_STATE_HOME", "")
+    return Path(state if os.path.isabs(state) else os.path.expanduser("~/.local/state")) / "srprov"
+
+
 def make_folder(path: Path) -> None:
     """Make a folder and those above it that are missing, each for its owner alone.
 

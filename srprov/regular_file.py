@@ -12,10 +12,14 @@ import errno
 import itertools
 import os
 import stat
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import BinaryIO
 
 MIB = 1024 * 1024
+VARIABLES = ("group_vars", "host_vars")
+"""Folders of variables, which are read with an inventory beside them."""
+WHOLE = "# No group_vars and no host_vars are read with this file, until you take this line away."
+"""What an inventory says that srprov wrote: a project that was cloned may bring some beside it later."""
 CHANGED = "it changed while it was read: run the command again"
 _PIECE = MIB
 _MOST_BESIDE = 1000
@@ -67,6 +71,21 @@ def links_in(path: str) -> Iterator[str]:
     """Return the links that are named in a relative path, in their order; none of a path from the root."""
     named = [] if os.path.isabs(path) else itertools.accumulate(path.split("/"), os.path.join)
     return filter(os.path.islink, named)
+
+
+def identities(paths: Iterable[str]) -> set[tuple[int, int]]:
+    """Return what the kernel knows files by, those that are there: a disk may have further names for one."""
+    found = set[tuple[int, int]]()
+    for path in paths:
+        with contextlib.suppress(OSError, ValueError):  # it is gone
+            about = os.lstat(path)
+            found.add((about.st_dev, about.st_ino))
+    return found
+
+
+def is_one_of(path: str, paths: Iterable[str]) -> bool:
+    """Return whether a file that is there is one of some, by whatever of its names."""
+    return not identities([path]).isdisjoint(identities(paths))
 
 
 def walk(
@@ -200,3 +219,9 @@ def _size(count: int) -> str:
         if count >= factor and count % factor == 0:
             return f"{count // factor} {unit}"
     return f"{count} bytes"
+
+
+def variables_beside(folder: str | os.PathLike[str]) -> str:
+    """Return the path of variables that would be read with an inventory in a folder, or nothing; links count, too."""
+    beside = (os.path.join(folder, name) for name in VARIABLES)
+    return next(filter(os.path.lexists, beside), "")

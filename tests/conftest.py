@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
@@ -30,8 +30,11 @@ settings.register_profile("quick", deadline=None, max_examples=examples(100), de
 settings.register_profile("long", deadline=None, max_examples=100)
 settings.load_profile(PROFILE)
 
-LONGEST = ["test_examples", "test_failures", "test_changes", "test_drift", "test_faults", "test_lab_faults"]
-"""Files of tests/lab by how long they take; the others are shorter."""
+LONGEST = [
+    *("lab/test_survival", "lab/test_examples", "lab/test_failures", "lab/test_locks", "lab/test_lab_faults"),
+    *("lab/test_secrets", "fuzz/test_fuzz", "integration/test_locks", "integration/test_ssh"),
+]
+"""Files by how long they take; the others are shorter."""
 
 _COUNT = itertools.count()
 
@@ -65,18 +68,29 @@ def no_secrets_of_others() -> Iterator[None]:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out what is too long for every day, unless SRPROV_SOAK asks for it.
 
-    With pytest-xdist, begin with the longest files: whoever begins one last keeps the other process waiting.
+    With pytest-xdist, two processes take files of the lab and others in turn: the lab keeps both processors busy, and
+    much of the others' time is waiting.
     """
     long = [] if os.environ.get("SRPROV_SOAK") else [item for item in items if item.get_closest_marker("soak")]
     if long:
         config.hook.pytest_deselected(items=long)
         items[:] = [item for item in items if item not in long]
     if "PYTEST_XDIST_WORKER" in os.environ:
-        items.sort(key=lambda item: _place(item.path))
+        place = places(dict.fromkeys(item.path for item in items))
+        items.sort(key=lambda item: place[item.path])
 
 
-def _place(path: Path) -> tuple[bool, int]:
-    return not _in_lab(path), LONGEST.index(path.stem) if path.stem in LONGEST else len(LONGEST)
+def places(files: Iterable[Path]) -> dict[Path, float]:
+    """Return where each file stands: of both kinds the longest come first, and whoever begins one last waits less."""
+    kinds: tuple[list[Path], list[Path]] = ([], [])
+    for path in sorted(files, key=_length):
+        kinds[_in_lab(path)].append(path)
+    return {path: at / len(kind) for kind in kinds for at, path in enumerate(kind)}
+
+
+def _length(path: Path) -> int:
+    name = f"{path.parent.name}/{path.stem}"
+    return LONGEST.index(name) if name in LONGEST else len(LONGEST)
 
 
 def _in_lab(path: Path) -> bool:

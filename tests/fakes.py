@@ -21,6 +21,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from srprov.codes import Code
+from srprov.controller.other_names import USED
 from srprov.errors import TransportError
 from srprov.facts.probes import PROBES
 from srprov.modules import MODULES
@@ -189,6 +190,8 @@ class FakeRobot:
         """Lines of `ss`."""
         self.mounts = ""
         """Lines of its /proc/self/mountinfo."""
+        self.used = ""
+        """Its users' homes, and its disks in files, a line each."""
         self.leads = ""
         """Where it says that a link at every mounted path leads."""
         self.spelled = ""
@@ -289,6 +292,8 @@ class FakeRobot:
             return Reply(status=0, out=content)
         if command == ":":
             return Reply(status=0)
+        if command == USED.command:
+            return Reply(status=0, out=self.used)
         if command == "cat /proc/self/mountinfo":
             return Reply(status=0, out=self.mounts)
         if command.startswith(("first=", "newline='")):  # tests/unit/controller/test_writers.py has the second run

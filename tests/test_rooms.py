@@ -43,16 +43,16 @@ ROOMS: Mapping[str, Room] = {
     "__main__": room("cli"),
     # Options, questions and output; a verb may also import the room that it fronts: see FILES.
     "cli": room(
-        "believed whose codes errors names private regular_file secret untrusted wire session controller definitions.+"
-        " definitions.model"
+        "believed whose codes errors names private regular_file secret secret_files untrusted wire session controller"
+        " definitions.+ definitions.model"
         " record.+",
         "click rich tomli",
     ),
     "controller": room(
         "believed whose codes errors hashing layers regular_file robot_answers wire session container_files resource"
-        " secret data datasets disk owner private untrusted time_sync sizes image_reference git_address git"
-        " linear_regex definitions transport facts assignment network images rendering modules planning execution"
-        " record trials probing plain_tar exporting snapshot yamldoc"
+        " secret secret_files data datasets disk owner private untrusted time_sync sizes image_reference git_address"
+        " git linear_regex names definitions transport facts assignment network images rendering modules planning"
+        " execution record trials probing plain_tar exporting snapshot yamldoc"
     ),
     "datasets": room("believed private regular_file untrusted"),
     "disk": room("regular_file images.plan"),
@@ -68,13 +68,13 @@ ROOMS: Mapping[str, Room] = {
     "yamldoc": room("codes errors regular_file", "yaml"),
     "definitions": room(
         "believed codes errors names private regular_file untrusted secret data owner whose image_reference git_address"
-        " linear_regex"
+        " linear_regex secret_files"
         " yamldoc",
         "jsonschema jinja2",
     ),
     "transport": room(
-        "codes errors pace believed datasets engine_files spool layers private plain_tar regular_file wire session"
-        " container_files untrusted secret"
+        "codes errors pace believed datasets engine_files sandbox spool layers private plain_tar regular_file wire"
+        " session container_files untrusted secret"
         " definitions.model",
         "paramiko fabric invoke docker requests urllib3 psutil dask distributed",
     ),
@@ -83,9 +83,9 @@ ROOMS: Mapping[str, Room] = {
     ),
     "assignment": room("codes errors sizes definitions.containermodel definitions.model facts.model"),
     "network": room("codes errors names untrusted definitions.model facts.model"),
-    "probing": room("errors untrusted wire network"),
+    "probing": room("errors names untrusted wire network"),
     # Robots that were set up by hand, as an experiment: questions and parsers, no robot and no file.
-    "snapshot": room("git_address image_reference redaction untrusted wire yamldoc.writer"),
+    "snapshot": room("git_address image_reference names redaction untrusted wire yamldoc.writer"),
     "images": room(
         "codes errors plain_tar wire image_reference definitions.containermodel definitions.dockerfile"
         " definitions.model",
@@ -104,24 +104,26 @@ ROOMS: Mapping[str, Room] = {
         " definitions.model definitions.secretmodel network.identity"
     ),
     "execution": room(
-        "codes errors layers pace spool plain_tar untrusted robot_answers resource wire session image_reference"
-        " linear_regex modules planning probing facts.host owner trials definitions.dockerfile definitions.trialsmodel"
+        "codes errors layers pace sandbox spool plain_tar untrusted robot_answers resource wire session"
+        " image_reference linear_regex modules planning probing facts.host owner trials definitions.dockerfile"
+        " definitions.trialsmodel"
     ),
     "record": room(
         "believed codes errors data private regular_file untrusted resource secret definitions.model facts planning"
-        " execution"
+        " execution secret_files"
         " trials definitions.trialsmodel transport.tar_stream"
     ),
     # Bundles: reads and checks what a run left, works out again what follows from it, and compares two.
     "evidence": room(
-        "believed whose codes errors names private regular_file untrusted secret linear_regex yamldoc definitions"
+        "believed data whose codes errors names private regular_file untrusted secret linear_regex yamldoc definitions"
         " assignment facts trials record"
         " controller.choice controller.request controller.trial_instances controller.bundling"
         " controller.bundle_images controller.kept_images transport.blob layers image_reference oci"
     ),
     # Pages: what a run left, read as evidence is, and shown.
     "report": room(
-        "codes errors regular_file untrusted trials.judge record.runs evidence.files evidence.story assignment.report"
+        "codes errors names regular_file untrusted trials.judge record.runs evidence.files evidence.story"
+        " assignment.report"
     ),
     # Files of other tools -> experiments: reads what strangers wrote, and reaches no robot.
     "importing": room("codes errors private regular_file untrusted image_reference linear_regex yamldoc definitions"),
@@ -145,11 +147,13 @@ ROOMS: Mapping[str, Room] = {
     "believed": room("private whose"),
     "whose": room(),
     "secret": room("redaction"),
+    "secret_files": room("believed private untrusted"),
     "redaction": room("redaction_bytes"),
     "redaction_bytes": room("linear_regex"),
     "layers": room("untrusted"),
     "plain_tar": room(),
     "sizes": room(),
+    "sandbox": room("wire"),
     "spool": room("wire"),
     "engine_files": room("spool wire"),
     "hashing": room(),
@@ -201,7 +205,7 @@ FILES: Mapping[str, Room] = {
     "cli/fmt.py": cli_file("definitions.formatting"),
     "cli/images.py": cli_file("execution sizes"),
     "cli/images_prune.py": cli_file("execution sizes"),
-    "cli/importing.py": cli_file("conversion importing.normal"),
+    "cli/importing.py": cli_file("conversion importing.normal record.memory"),
     "cli/lab.py": cli_file("lab"),
     "cli/lock.py": cli_file("definitions.lockfile"),
     "cli/init.py": cli_file("data definitions.starter"),

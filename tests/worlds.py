@@ -87,7 +87,8 @@ def remembering_all(world: World) -> AbstractContextManager[object]:
     def remembered(instance: str) -> Memory:
         held = [parse_placements(Reply(status=0, out=robot.disk.records())) for robot in world.robots.values()]
         records = sorted((one[instance] for one in held if instance in one), key=lambda record: int(record["serial"]))
-        return Memory(robots=frozenset(world.robots), records=tuple(map(digest, records)))
+        proofs = {name: robot.identity for name, robot in world.robots.items()}
+        return Memory(robots=frozenset(world.robots), records=tuple(map(digest, records)), proofs=proofs)
 
     return mock.patch.object(ownership, "recall", remembered)
 

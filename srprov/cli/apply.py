@@ -11,6 +11,7 @@ from srprov.cli import inputs, key_options, options, output_options
 from srprov.cli.execute import carry_out, confirm, refuse_without_terminal
 from srprov.cli.plan import show_plan
 from srprov.cli.seconds import Seconds
+from srprov.cli.standing import signers_option
 from srprov.cli.stdout_guard import answers_only
 from srprov.cli.target_options import targeting
 from srprov.codes import Code
@@ -56,8 +57,7 @@ def _expected(_context: click.Context, _option: click.Parameter, text: str) -> s
 @click.option("--settle", type=Seconds(min=0), default=2.0, show_default=True, metavar="S",
               help="A service must still run so many seconds after its start.")  # fmt: skip
 @click.option("--no-probe", is_flag=True, help="Do not try the overlay after a change on it.")
-@click.option("--signers", type=click.Path(exists=True, dir_okay=False), default=None, metavar="FILE",
-              help="Only a plan that one of them signed: an allowed_signers file, see ssh-keygen(1).")  # fmt: skip
+@signers_option("Only a plan that one of them signed: an allowed_signers file, see ssh-keygen(1).")
 @click.option("--expect", default="", metavar="HASH", callback=_expected,
               help="Do only the plan that `srprov plan` showed with this hash; refuse others with 6.")  # fmt: skip
 @output_options.EVENTS

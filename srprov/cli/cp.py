@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -54,7 +54,8 @@ def cp(
 
     SERVICE is a name of the EDF that runs once, a replica, or SERVICE@ROBOT; its container need not run. The rules are
     those of cp -r: what is there is replaced, into a folder that is there the copy goes under its own name, and DIR/.
-    is the content of a folder. `-` is a tar, on standard output or from standard input.
+    is the content of a folder, which does not go where you work. `-` is a tar, on standard output or from standard
+    input.
 
     What is copied into a container is no part of the experiment: it is gone when apply makes the container anew, and
     plan does not show it. Volumes keep it.
@@ -77,7 +78,7 @@ def cp(
         container = where.container
         if isinstance(there, str):
             assert not isinstance(here, str)
-            return _out(session, container, here, there, preserve=preserve)
+            return _out(session, container, here, there, preserve=preserve, believed=(file, *inventories))
         assert isinstance(here, str)
         from srprov.controller.copied_in import Owner
 
@@ -89,7 +90,8 @@ def _located(
     file: str, service: str, inventories: tuple[str, ...], forks: int, timeout: float, instance: str
 ) -> Iterator[tuple[Session, Located]]:
     """Find the one container that is meant, and give the session with its robot."""
-    from srprov.controller.located import locate, trusted
+    from srprov.controller.located import locate
+    from srprov.controller.sent_to import trusted
     from srprov.facts.gather import Detail
 
     inventory = inputs.load_inventory(inventories)
@@ -105,7 +107,9 @@ def _located(
         yield session, where
 
 
-def _out(session: Session, container: str, source: InService, target: str, *, preserve: bool) -> int:
+def _out(
+    session: Session, container: str, source: InService, target: str, *, preserve: bool, believed: Collection[str]
+) -> int:
     from srprov.controller.copied import Copied
     from srprov.controller.copying import copy_out, raw_out
 
@@ -118,7 +122,7 @@ def _out(session: Session, container: str, source: InService, target: str, *, pr
         return 0
     copied = Copied()
     with _shown(copied), _in_words():
-        copy_out(session, container, source, target, copied, preserve=preserve)
+        copy_out(session, container, source, target, copied, preserve=preserve, believed=believed)
     return _told(copied)
 
 

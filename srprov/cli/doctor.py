@@ -27,7 +27,7 @@ def doctor(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: flo
     Exits with 3 when something that is needed is missing, with 4 when a robot cannot be reached; warnings alone are 0.
     """
     from srprov.controller.clocks import measure_clock
-    from srprov.controller.kept import line, volume_rows, with_sizes
+    from srprov.controller.kept import line, remedy, volume_rows, with_sizes
     from srprov.facts.gather import Detail
     from srprov.facts.preconditions import Verdict, judge, precondition_queries
     from srprov.robot_answers import answers_of
@@ -56,8 +56,7 @@ def doctor(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: flo
         out(doctor_text(checks))
         now = dt.datetime.now(dt.timezone.utc)
         for row in kept:
-            remedy = f"srprov destroy --instance {row['instance']} --volumes"
-            out(visible(f"data is kept: {line(row, now)}; {remedy} removes it"))
+            out(visible(f"data is kept: {line(row, now)}; {remedy(row)} removes it"))
     code = tell_unreachable(unreachable)
     if any(check.verdict is Verdict.FAILED for robot in checks.values() for check in robot):
         return FAILED

@@ -65,7 +65,8 @@ def exec(
 def _run(
     file: str, service: str, inventories: tuple[str, ...], forks: int, timeout: float, instance: str, what: Exec
 ) -> int:
-    from srprov.controller.located import locate, trusted
+    from srprov.controller.located import locate
+    from srprov.controller.sent_to import trusted
     from srprov.facts.gather import Detail
 
     inventory = inputs.load_inventory(inventories)

@@ -86,11 +86,12 @@ def compose(
     Several files are merged as Compose merges them; with --robot-map each robot's files are merged by themselves.
     Variables come from --set, env files and defaults in the files, never from the environment.
     """
+    from srprov import secret_files
     from srprov.conversion.compose import Wanted, draft
 
     wanted = Wanted(
         files=files, folder=target, profiles=profiles, env_files=env_files, settings=settings, robot_map=robot_map,
-        name=name, home=home,
+        name=name, home=home, own=secret_files.known(),
     )  # fmt: skip
     return _shown(lambda: draft(wanted), files, target, form, strict=strict)
 
@@ -104,9 +105,12 @@ def swarmrob(
 
     A service whose image is called like the folder of a Dockerfile is built by it. Variables in values come from --set.
     """
+    from srprov import secret_files
     from srprov.conversion.swarmrob import draft
 
-    return _shown(lambda: draft(files, target, settings, name), files, target, form, strict=strict)
+    return _shown(
+        lambda: draft(files, target, settings, name, secret_files.known()), files, target, form, strict=strict
+    )
 
 
 def _shown(make: Callable[[], Draft], files: Sequence[str], target: str, form: str, *, strict: bool) -> int:

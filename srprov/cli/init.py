@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from srprov import private
+from srprov import private, regular_file
 from srprov.cli.output import err, out
 from srprov.cli.output_options import no_link
 from srprov.codes import Code
@@ -52,6 +52,12 @@ def _write(folder: Path, made: Mapping[str, bytes]) -> None:
         names = ", ".join(str(folder / name) for name in there)
         raise UsageError(
             f"already there: {names}",
+            hint="name another folder: srprov init DIR; nothing was written",
+            code=Code.IN_THE_WAY,
+        )
+    if "inventory.yml" in made and (beside := regular_file.variables_beside(folder)):
+        raise UsageError(
+            f"{beside} would be read with the new inventory.yml, and may be a stranger's",
             hint="name another folder: srprov init DIR; nothing was written",
             code=Code.IN_THE_WAY,
         )

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from click.core import ParameterSource
 from msgspec.structs import replace
 
 from srprov.cli.config import user_folder
@@ -19,9 +18,11 @@ from srprov.cli.fork_options import sharing
 from srprov.cli.options import asked_for_become
 from srprov.cli.output import catch_logs, err
 from srprov.cli.output_options import is_quiet, note
+from srprov.cli.standing import leads_anywhere
 from srprov.codes import Code
 from srprov.controller.request import PlanRequest
 from srprov.errors import DefinitionError, RefusedError, UsageError
+from srprov.names import few
 from srprov.secret import Secret, Vault
 
 if TYPE_CHECKING:
@@ -36,14 +37,13 @@ _MOST_NAMED = 8
 def load_inventory(paths: tuple[str, ...]) -> Inventory:
     """Read the inventory; an empty one is an error. Asks for sudo's password when the user said so.
 
-    An inventory may run programs here only when the user named it: on the command line, in the environment, or by an
-    absolute path in his own configuration. A relative one of a configuration lies in whatever folder this is.
+    An inventory may run programs here only when the user named it: on the command line, or by an absolute path in the
+    environment or his own configuration. A relative one of these lies in whatever folder this is.
     """
     from srprov.definitions import load_inventory as load
 
     context = click.get_current_context(silent=True)
-    configured = context and context.get_parameter_source("inventories") is ParameterSource.DEFAULT_MAP
-    inventory = load(list(paths), unnamed=[path for path in paths if configured and not os.path.isabs(path)])
+    inventory = load(list(paths), unnamed=[path for path in paths if leads_anywhere(context, "inventories", path)])
     if not inventory.hosts:
         raise UsageError(f"no robots in {', '.join(paths)}", hint="add hosts to the inventory", code=Code.NO_ROBOT)
     return _with_become_password(inventory) if asked_for_become() else inventory
@@ -57,8 +57,7 @@ def _with_become_password(inventory: Inventory) -> Inventory:
     if not sys.stdin.isatty():
         hint = "set ansible_become_password in the inventory, e.g. in host_vars/ that only you can read"
         raise RefusedError("there is no terminal to ask for sudo's password on", hint=hint, code=Code.NO_TERMINAL)
-    more = f" and {len(lacking) - _MOST_NAMED} more" if len(lacking) > _MOST_NAMED else ""
-    err(f"sudo's password is told any of these that asks: {', '.join(lacking[:_MOST_NAMED])}{more}")
+    err(f"sudo's password is told any of these that asks: {few(lacking, _MOST_NAMED)}")
     try:
         password = Secret(click.prompt("sudo password", hide_input=True, err=True, default="", show_default=False))
     except ValueError as error:
@@ -143,8 +142,7 @@ def connect(
 def _say_awaited(connected: Fleet, timeout: float) -> None:
     """Name the robots that have not answered yet, so that nobody wonders what is waited for."""
     if names := connected.awaited():
-        more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
-        err(f"waiting for {', '.join(names[:_MOST_NAMED])}{more}: no answer yet; --timeout is {timeout:g} s")
+        err(f"waiting for {few(names, _MOST_NAMED)}: no answer yet; --timeout is {timeout:g} s")
 
 
 def waited(fleet: Fleet, instance: str, seconds: float, chosen: Collection[str]) -> float:

@@ -37,8 +37,8 @@ def lock(
     path = lock_path(file)
     old = load(path) or Lock()
     allowed = permitted(allow)[1]
-    made = locking.draft(file, old, update, allowed)
     inventory = inputs.load_inventory(inventories)
+    made = locking.draft(file, old, update, allowed, inventory)
     with inputs.connect(inventory, timeout, forks) as fleet, fleet.look(made.definitions.experiment) as look:
 
         def look_up(names: Collection[str]) -> dict[str, digests.Found]:

@@ -93,6 +93,6 @@ def _planned(
 
     experiment = inputs.experiment_if_valid(file)
     snapshot = fleet.gather(Detail.BASIC)
-    check_source(looking(snapshot, name)[0], name, source, adopt=adopt)
+    check_source(looking(snapshot, name).snapshot, name, source, adopt=adopt)
     there = locate(snapshot, name, experiment)
     return make_order(Order(verb=verb, words=services), there, snapshot, there.by_name)

@@ -16,6 +16,7 @@ from srprov.cli.compare import MARGINS, STRICT, margins_of, show_comparison
 from srprov.cli.execute import refuse_without_terminal
 from srprov.cli.output import err
 from srprov.cli.seconds import Seconds
+from srprov.cli.standing import signers_option
 from srprov.cli.trial_session import Manner, check_wanted, run_session, show_report
 from srprov.codes import Code
 from srprov.controller.request import PlanRequest
@@ -53,8 +54,7 @@ if TYPE_CHECKING:
 @click.option("--resume", is_flag=True, help="Go on with the replay in DIR that was cut off.")
 @MARGINS
 @STRICT
-@click.option("--signers", type=click.Path(exists=True, dir_okay=False), default=None, metavar="FILE",
-              help="Only a bundle that somebody signed whom this allowed_signers file names.")  # fmt: skip
+@signers_option("Only a bundle that somebody signed whom this allowed_signers file names.")
 @click.option("-y", "--yes", is_flag=True, help="Do not ask.")
 @click.option("--wait-timeout", type=Seconds(min=0), default=300.0, show_default=True, metavar="S",
               help="Seconds for a service that is kept over all trials to become healthy.")  # fmt: skip

@@ -10,6 +10,7 @@ import msgspec
 from srprov.cli import options
 from srprov.cli.codes import DIFFERENCES
 from srprov.cli.output import err, out, out_json
+from srprov.cli.standing import signers_option
 
 if TYPE_CHECKING:
     from srprov.evidence.verify import Finding
@@ -19,10 +20,7 @@ _MARKS = {"pass": "ok  ", "fail": "FAIL", "skipped": "-   ", "info": "    "}
 
 @click.command()
 @click.argument("bundle", metavar="BUNDLE", type=click.Path(exists=True, dir_okay=False))
-@click.option(
-    "--signers", type=click.Path(exists=True, dir_okay=False), default=None, metavar="FILE",
-    help="Whose signature counts: an allowed_signers file, see ssh-keygen(1). Without one of theirs it fails.",
-)  # fmt: skip
+@signers_option("Whose signature counts: an allowed_signers file, see ssh-keygen(1). Without one of theirs it fails.")
 @options.JSON
 def verify(bundle: str, signers: str | None, as_json: bool) -> int:
     """Check a bundle: its hashes, and all that can be worked out again from its files.

@@ -18,7 +18,7 @@ from msgspec.structs import replace
 from srprov import disk, plain_tar
 from srprov.codes import Code
 from srprov.controller.compose_plan import addresses_of, check_same, edf_of
-from srprov.controller.permissions import permit_planning
+from srprov.controller.own_files import COPIED_FIRST, permit_copies
 from srprov.controller.robots_words import at_home
 from srprov.controller.source import read_definitions, saved_plan
 from srprov.controller.trial_values import at_first_point
@@ -42,9 +42,7 @@ if TYPE_CHECKING:
     from srprov.facts.model import Snapshot
     from srprov.planning.planfile import PlanFile
 
-_COPIED_FIRST = ("git", "outside")
-"""Kinds of permission without which nothing is copied: what is fetched, and files from outside of the folder."""
-_NOT_THERE = (*_COPIED_FIRST, "env", "secret", "fetch", "playbook", "unit")
+_NOT_THERE = (*COPIED_FIRST, "env", "secret", "fetch", "playbook", "unit")
 """Kinds that a machine which runs Compose is not asked for: whoever uses the files gives it, or it is left out."""
 
 
@@ -87,8 +85,7 @@ def read(file: str, allowed: frozenset[str], profiles: tuple[str, ...] = (), *, 
         raise DefinitionError(found.unsupported)
     if plan:
         check_same(plan, found, file)
-    asked = permissions(found.experiment, found.containers)
-    permit_planning([one for one in asked if one.kind in _COPIED_FIRST], allowed)
+    permit_copies(found, allowed)
     return Source(
         file=edf, definitions=at_first_point(found), open=open_, allowed=allowed, plan=plan, every_profile=keep
     )
@@ -131,10 +128,12 @@ def on_chosen_robots(
 
     Raises:
         NoAssignment, UsageError: As for `assign`.
+        RefusedError: It would copy files of the inventory's.
     """
     from srprov.assignment import solve
     from srprov.controller.choice import checked_choice, idle_notes, read_decided
 
+    permit_copies(source.definitions, source.allowed, inventory)
     before = None
     if decided is not None:
         before, request = read_decided(decided, request)

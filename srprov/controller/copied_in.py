@@ -6,6 +6,7 @@ the user named, and changes nothing.
 
 from __future__ import annotations
 
+import functools
 import os
 import stat
 import tarfile
@@ -13,14 +14,18 @@ from collections.abc import Generator, Iterator
 
 import msgspec
 
-from srprov import regular_file
+from srprov import regular_file, secret_files
 from srprov.codes import Code
 from srprov.controller.copied import Copied
+from srprov.definitions.model import VERSION_CONTROL_IN_ANY_CASE
+from srprov.definitions.own_lines import is_users_own
+from srprov.definitions.version_control import has_further_names
 from srprov.errors import UsageError
 
 _BLOCK = 512
 _PIECE = 1 << 20
 _CHANGED = "it changed while it was read"
+_OWN = "a file of your own that you did not name: a secret's, a key, an inventory's or version control's"
 
 
 class Owner(msgspec.Struct, frozen=True):
@@ -28,6 +33,29 @@ class Owner(msgspec.Struct, frozen=True):
 
     user: int = 0
     group: int = 0
+
+
+class _Named:
+    """What the user named, and whether a file is meant by that: a project's links, and second names, are a stranger's.
+
+    So a file of the user's own goes only by its own name, not by one that a clone or an archive gave it.
+    """
+
+    def __init__(self, path: str) -> None:
+        """Take the path as it was named."""
+        link = next(regular_file.links_in(path), "")
+        self._linked, self._path, self.real = bool(link), path, os.path.realpath(path)
+        self._root = os.path.realpath(os.path.dirname(link or path))
+        self._secrets = functools.cache(secret_files.known)  # for all files below, and only where one is asked for
+
+    def means(self, file: str, about: os.stat_result) -> bool:
+        """Return whether it means a file, which lies there or below; `about` is the file's."""
+        if not self._linked and not has_further_names(about):
+            return True
+        names = [*self._path.split(os.sep), *os.path.relpath(file, self.real).split(os.sep)]
+        if not self._linked and any(one.casefold() in VERSION_CONTROL_IN_ANY_CASE for one in names):
+            return True
+        return not is_users_own(file, self._root, self._secrets())
 
 
 def tar_of(path: str, name: str, owner: Owner, copied: Copied) -> Iterator[bytes]:
@@ -43,21 +71,23 @@ def tar_of(path: str, name: str, owner: Owner, copied: Copied) -> Iterator[bytes
         UsageError: Something cannot be read, or changes meanwhile.
     """
     try:
-        yield from _any(os.path.realpath(path), name, owner, copied)
+        yield from _any(_Named(path), name, owner, copied)
     except OSError as error:  # the engine's client would take it for the connection's
         raise UsageError(f"{error.filename or path}: {error.strerror or error}", code=Code.NO_FILE) from error
     yield bytes(2 * _BLOCK)
 
 
-def _any(path: str, name: str, owner: Owner, copied: Copied) -> Iterator[bytes]:
-    left = [(path, name)]
+def _any(named: _Named, name: str, owner: Owner, copied: Copied) -> Iterator[bytes]:
+    left = [(named.real, name)]
     while left:  # folders lie as deep as a path is long, which is deeper than functions may call each other
         path, name = left.pop()
-        mode = os.stat(path, follow_symlinks=False).st_mode
-        if stat.S_ISDIR(mode):
+        about = os.stat(path, follow_symlinks=False)
+        if stat.S_ISDIR(about.st_mode):
             below = yield from _folder(path, name, owner)
             left += [(os.path.join(path, one), os.path.join(name, one)) for one in reversed(below)]
-        elif stat.S_ISREG(mode):
+        elif stat.S_ISREG(about.st_mode) and not named.means(path, about):
+            copied.leave_out(path, _OWN)
+        elif stat.S_ISREG(about.st_mode):
             yield from _file(path, name, owner, copied)
         else:
             copied.leave_out(path, "a device, pipe or socket")

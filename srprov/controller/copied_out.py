@@ -21,7 +21,7 @@ import msgspec
 from srprov.codes import Code
 from srprov.controller.copied import Copied
 from srprov.errors import UsageError
-from srprov.transport.tar_stream import TarError, TarStream
+from srprov.transport.tar_stream import TarError, TarStream, parts_of, place_of
 
 MOST_MEMBERS = 200_000
 _LEFT_FREE, _LOOK = 512 << 20, 32 << 20
@@ -112,14 +112,9 @@ class _Tree:
 
     def _place(self, name: str) -> list[str]:
         """Return where a member goes, below the user's folder."""
-        parts = [part for part in name.split("/") if part not in ("", ".")]
-        if ".." in parts:
-            raise TarError(f"{name[:80]!r} leads out of it")
         if self._top is None:
-            self._top = parts[:1]
-        if parts[: len(self._top)] != self._top:
-            raise TarError(f"{name[:80]!r} is not below {'/'.join(self._top)!r}")
-        return [*filter(None, [self._target.name]), *parts[len(self._top) :]]
+            self._top = parts_of(name)[:1]
+        return place_of(name, self._top, self._target.name)
 
     def _enter(self, parts: list[str], header: tarfile.TarInfo | None = None) -> int:
         """Return the descriptor of a folder, which is made when it is missing; leave those that do not lead there."""

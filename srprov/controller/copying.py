@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import posixpath
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 import msgspec
 
@@ -17,8 +17,12 @@ from srprov.container_files import ContainerFiles, InContainer
 from srprov.controller.copied import Copied
 from srprov.controller.copied_in import Owner, tar_of
 from srprov.controller.copied_out import Target, unpack
-from srprov.definitions.paths import refuse_link_out
+from srprov.controller.copied_raw import passed_on
+from srprov.definitions.homes import homes_in
+from srprov.definitions.model import VERSION_CONTROL_IN_ANY_CASE
+from srprov.definitions.paths import inside, refuse_link_out
 from srprov.errors import UsageError
+from srprov.regular_file import VARIABLES
 
 
 class InService(msgspec.Struct, frozen=True, kw_only=True):
@@ -64,9 +68,19 @@ def _whole(path: str) -> str:
 
 
 def copy_out(
-    files: ContainerFiles, container: str, source: InService, target: str, copied: Copied, *, preserve: bool
-) -> None:
+    files: ContainerFiles, container: str, source: InService, target: str, copied: Copied, *, preserve: bool,
+    believed: Collection[str] = (),
+) -> None:  # fmt: skip
     """Copy a file or folder from a container to this machine.
+
+    Args:
+        files: The robot's containers.
+        container: Which one.
+        source: What is copied.
+        target: Where it goes, as the user says it.
+        copied: Is told what was done.
+        preserve: Keep permissions and times.
+        believed: Files that this very command was told to go by, such as the inventory.
 
     Raises:
         UsageError: It is not there, or the target cannot take it.
@@ -74,18 +88,62 @@ def copy_out(
         OSError: Something cannot be written.
     """
     path, found = _found(files, container, source)
-    unpack(files.copy_out(container, path), _target(source, found, target), copied, preserve=preserve)
+    place_here = _target(source, found, target)
+    _refuse_beside_own(place_here, believed)
+    unpack(files.copy_out(container, path), place_here, copied, preserve=preserve)
+
+
+def _refuse_beside_own(target: Target, believed: Collection[str]) -> None:
+    """Refuse a folder in which names that a container chooses would lie among what the user's programs go by.
+
+    Variables beside an inventory name programs, and so do settings in the folder in which somebody works, and in a
+    home. So it is with what is added to these variables, to a folder of inventories, or to what version control keeps.
+    Whether a folder or a file comes is the engine's word, so it does not count here.
+
+    Raises:
+        UsageError: So it is.
+    """
+    folder = os.path.join(target.folder, target.name)
+    held = {one: "a home" for one in homes_in(folder)} | {os.curdir: "where you work"}
+    for one in believed:  # by its name, and where links lead
+        held |= {one: one, os.path.dirname(one) or os.curdir: one}
+    why = next((why for one, why in held.items() if inside(one, folder)), "")
+    why = why or next((one for one in _read_whole(believed) if inside(folder, one)), "")
+    if why := why or _repository_around(folder):
+        raise UsageError(
+            f"{folder} is, holds or lies in {why}: what a container has could name programs there",
+            hint="copy it into a folder of its own",
+            code=Code.IN_THE_WAY,
+        )
+
+
+def _read_whole(believed: Collection[str]) -> Iterator[str]:
+    """Yield the folders of which all is read with such files, whether they are there or not."""
+    for one in believed:
+        if os.path.isdir(one):
+            yield one
+        yield from (os.path.join(os.path.dirname(one), name) for name in VARIABLES)
+
+
+def _repository_around(path: str) -> str:
+    """Return the name by which a path is in what version control keeps; what lies above where one works is no matter.
+
+    Somebody has a folder of his own that is called `CVS`, and works below it.
+    """
+    real, here = os.path.realpath(path), os.path.realpath(os.curdir)
+    below = os.path.relpath(real, here) if inside(real, here) else real
+    return next((one for one in below.split(os.sep) if one.casefold() in VERSION_CONTROL_IN_ANY_CASE), "")
 
 
 def raw_out(files: ContainerFiles, container: str, source: InService) -> Iterator[bytes]:
-    """Return a file or folder of a container as a tar, as its engine makes it.
+    """Return a file or folder of a container as a tar, under the name that the user copies.
 
     Raises:
         UsageError: It is not there.
         TransportError: The engine refuses, or it or the robot is gone.
     """
     path, _ = _found(files, container, source)
-    return files.copy_out(container, path)
+    return passed_on(files.copy_out(container, path), posixpath.basename(source.path))
 
 
 def copy_into(

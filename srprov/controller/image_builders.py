@@ -7,15 +7,18 @@ for what asks who a robot is.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Collection, Iterator, Mapping
 
 from srprov.codes import Code
 from srprov.definitions.model import Inventory
 from srprov.errors import RefusedError
+from srprov.facts.gather import Gathering
 from srprov.facts.model import Snapshot
 from srprov.modules.image import ImageParams
 from srprov.record.memory import built_for
 from srprov.resource import Resource
+from srprov.transport import on_record
 
 BUILDERS = "builders"
 """The group of an inventory whose hosts build images."""
@@ -28,7 +31,7 @@ def alike(snapshot: Snapshot, arch: str) -> set[str]:
 
 def counted(
     known: Mapping[str, Collection[str]], tags: Collection[str], builders: Collection[str], snapshot: Snapshot,
-    identity: Callable[[str], str],
+    proofs: Callable[[str], Collection[str]],
 ) -> dict[str, frozenset[str]]:  # fmt: skip
     """Return what `built_for` says of tags -> ids of images that count.
 
@@ -37,8 +40,8 @@ def counted(
         tags: Content tags.
         builders: The hosts of the inventory's group.
         snapshot: The robots as they are.
-        identity: Tells what a robot proves to be: each laboratory may have a robot1. One that is away proves nothing
-            and goes by its name, or what it built could come from nobody.
+        proofs: Tells what a robot proves to be, or of one that is away what it could: each laboratory may have a
+            robot1. What one that is away built may come from others, or it would be built again.
     """
     found = {}
     for arch in sorted({one.arch for one in snapshot.facts.values()}):
@@ -46,7 +49,7 @@ def counted(
         away = snapshot.unreachable.keys() & (builders if chosen else snapshot.unreachable)
         for key in (built_for(tag, arch) for tag in tags):
             built = (entry.partition(" ")[::2] for entry in known.get(key, ()))
-            found[key] = frozenset(id_ for id_, who in built if _would_build(who, here, away, identity))
+            found[key] = frozenset(id_ for id_, who in built if _would_build(who, here | away, proofs))
     return found
 
 
@@ -103,6 +106,19 @@ def _has(robot: str, image: str, snapshot: Snapshot) -> bool:
     return any(one.module == "image" and one.name == image for one in snapshot.observed[robot])
 
 
-def _would_build(who: str, here: Collection[str], away: Collection[str], identity: Callable[[str], str]) -> bool:
+def _would_build(who: str, builders: Collection[str], proofs: Callable[[str], Collection[str]]) -> bool:
     name = who.partition(" ")[0]
-    return name in away or (name in here and identity(name) == who)
+    return name in builders and who in proofs(name)
+
+
+def proofs_of(look: Gathering, snapshot: Snapshot) -> Callable[[str], Collection[str]]:
+    """Return what tells who a robot proves to be; of one that is away, by the host keys that are on record for it."""
+
+    @functools.cache  # many images may be of one builder, and what is on record is read from files
+    def of(robot: str) -> Collection[str]:
+        host = look.inventory.hosts.get(robot)
+        if robot in snapshot.unreachable:
+            return on_record(host) if host else ()
+        return (look.identity(robot),)
+
+    return of

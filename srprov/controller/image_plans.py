@@ -12,6 +12,7 @@ from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.model import Definitions, Experiment
 from srprov.facts.model import Snapshot
 from srprov.image_reference import parse_reference
+from srprov.names import few
 from srprov.resource import Observed, Resource
 
 if TYPE_CHECKING:
@@ -40,8 +41,7 @@ def moved_tags(locked: Mapping[str, str], snapshot: Snapshot) -> tuple[str, ...]
 
 
 def _moved(name: str, found: str, locked: str, robots: Sequence[str]) -> str:
-    told = ", ".join(robots[:3]) + (f" and {len(robots) - 3} more" if robots[3:] else "")
-    return f"{name} has moved: it is {found[:19]}… on {told}, the lock has {locked[:19]}…"
+    return f"{name} has moved: it is {found[:19]}… on {few(robots, 3)}, the lock has {locked[:19]}…"
 
 
 def with_fresh(

@@ -18,8 +18,8 @@ from srprov.codes import Code
 from srprov.controller.plan import Planned
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.lockfile import lock_path
+from srprov.definitions.version_control import has_further_names
 from srprov.errors import UsageError
-from srprov.images.plan import is_left_out
 
 _LARGEST = 8 * regular_file.MIB
 """Of a definition file: what it may have as one."""
@@ -45,7 +45,8 @@ class InputFile(msgspec.Struct, frozen=True, kw_only=True):
 def reader_files(planned: Planned) -> dict[str, InputFile]:
     """Return what lies beside the EDF for whoever gets the experiment: its license, and how it is cited.
 
-    The EDF names none of them, so nobody is asked: a link may lead to any file of the controller, and is none of them.
+    The EDF names none of them, so nobody is asked: a link may lead to any file of the controller, and a file with more
+    names may be one of the user's, to which an archive gave this one. Neither is any of them.
     """
     found: dict[str, InputFile] = {}
     if planned.definitions is None:
@@ -53,8 +54,9 @@ def reader_files(planned: Planned) -> dict[str, InputFile]:
     home = planned.definitions.experiment.home
     for name in FOR_READERS:
         try:
-            content = regular_file.read(os.path.join(home, name), _LARGEST_TEXT, real=True)
-            found[name] = InputFile(content=content, for_readers=True)
+            content, about = regular_file.read_with_status(os.path.join(home, name), _LARGEST_TEXT, real=True)
+            if not has_further_names(about):
+                found[name] = InputFile(content=content, for_readers=True)
         except OSError:  # most experiments have none of them
             continue
     return found
@@ -147,10 +149,9 @@ def _listed(planned: Planned) -> Iterator[tuple[str, _Listed]]:
     sent = mounts | {file.source for one in _built(planned) for file in one.files}
     sources = {file.source for one in containers.values() for file in one.files if not one.image}
     for source in sorted(mounts | sources):
-        for item in disk.listing(source):
-            if not item.left_out or is_left_out(source):
-                listed = _Listed(item.executable, item.link, source in sent)
-                yield os.path.join(source, item.path).rstrip("/"), listed
+        for item in disk.shipped(source):
+            listed = _Listed(item.executable, item.link, source in sent)
+            yield os.path.join(source, item.path).rstrip("/"), listed
     contexts = {_context(one) for one in _built(planned) if one.dockerfile}
     for folder in sorted({_context(one) for one in containers.values() if one.dockerfile}):
         from srprov.images.context import folder_items

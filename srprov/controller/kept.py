@@ -94,6 +94,14 @@ def _size(number: int | None) -> str:
     return "size unknown" if number is None else size_text(number)
 
 
+def remedy(row: Mapping[str, Any]) -> str:
+    """Return the command that removes a kept volume, on its robot alone: the instance may well run on others.
+
+    Which instance it is of is the word of its robot.
+    """
+    return f"srprov destroy --instance {quote(row['instance'])} --volumes --limit {quote(row['robot'])}"
+
+
 def age_text(created: str, now: dt.datetime) -> str:
     """Return how long ago an engine's time was; a robot's clock may be wrong, so nothing is negative."""
     seconds = max(0, int(now.timestamp() - moment(created)))

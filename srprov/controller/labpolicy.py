@@ -29,6 +29,8 @@ from srprov.planning.policy import KINDS, Permission, of_image
 
 Policies = tuple[LabPolicy, ...]
 NAME = "policy.yml"
+_HINT = "no flag changes that; who keeps the policy can"
+_UNNAMED = "groups of an inventory that you did not name do not count for a policy: if you trust it, name it with -i"
 _IN_IMAGES = ("outside", "env", "git")
 """What goes into an image is sent to the robot that builds it."""
 
@@ -114,7 +116,7 @@ def enforce(plan: Plan, inventory: Inventory, policies: Sequence[LabPolicy]) -> 
             for robot in _robots(plan, permission, inventory):
                 if not allows(policy, permission.kind, robot, inventory):
                     what = f"{permission.kind} on {robot} ({permission.service}: {permission.what})"
-                    raise _refusal(policy, policy.kinds_line, what)
+                    raise _refusal(policy, policy.kinds_line, what, _HINT if inventory.named else _UNNAMED)
         for step in plan.steps:
             forbidden = _built_there(step, policy, inventory)
             for line, what in (*forbidden, *_too_much(step, policy), *_from_elsewhere(step, policy)):
@@ -122,9 +124,9 @@ def enforce(plan: Plan, inventory: Inventory, policies: Sequence[LabPolicy]) -> 
 
 
 def allows(policy: LabPolicy, kind: str, robot: str, inventory: Inventory) -> bool:
-    """Return whether a policy lets a robot be asked for a kind."""
+    """Return whether a policy lets a robot be asked for a kind; groups are what the user's own inventory says."""
     host = inventory.hosts.get(robot)
-    kinds = policy.kinds_of(host.groups if host else ())
+    kinds = policy.kinds_of(host.groups if host and inventory.named else ())
     return kinds is None or kind in kinds
 
 
@@ -212,6 +214,5 @@ def _comes_from(name: str, registries: Iterable[str]) -> bool:
     return any(whole == one or whole.startswith(f"{one}/") for one in registries)
 
 
-def _refusal(policy: LabPolicy, line: int, what: str) -> RefusedError:
-    hint = "no flag changes that; who keeps the policy can"
+def _refusal(policy: LabPolicy, line: int, what: str, hint: str = _HINT) -> RefusedError:
     return RefusedError(f"{policy.file}:{line} does not allow {what}", hint=hint, code=Code.LAB_POLICY)

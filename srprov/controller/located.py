@@ -5,12 +5,13 @@ Takes robots as they were found, and what this machine remembers of its runs; ch
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
+from typing import Any
 
 import msgspec
 
 from srprov.codes import Code
-from srprov.controller.ownership import looking
+from srprov.controller.ownership import looking, strangers, sure_homes
 from srprov.definitions.expand import expand
 from srprov.definitions.model import Experiment, Service
 from srprov.errors import UsageError, did_you_mean
@@ -18,10 +19,8 @@ from srprov.facts.model import Snapshot
 from srprov.modules import RUNNING
 from srprov.modules.container import container_name
 from srprov.network.record import PlacementRecord, read_record
-from srprov.record.memory import recall
+from srprov.record.memory import digest, recall
 from srprov.resource import Observed
-
-_MOST_AWAY = 8
 
 
 class Located(msgspec.Struct, frozen=True, kw_only=True):
@@ -35,6 +34,9 @@ class Located(msgspec.Struct, frozen=True, kw_only=True):
     """None: it is not there, or its robot is out of reach."""
     stray: bool = False
     """It is elsewhere than where the service was placed, or robots do not agree where that is."""
+    placed: bool = True
+    """The record that is believed has it there, of this machine's or as another robot has it, too; else only its robot
+    says so."""
 
     @property
     def where(self) -> str:
@@ -55,7 +57,11 @@ class Whereabouts(msgspec.Struct, frozen=True, kw_only=True):
     """What robots say that contradicts others, or that nobody can confirm."""
     unreachable: Mapping[str, str]
     remembered: bool = True
-    """A run of this machine placed the services; else only robots say where they are."""
+    """A run of this machine wrote the placement that counts; else only robots say where services are."""
+    unsure: tuple[str, ...] = ()
+    """Robots that may know of a later placement of this machine's: a run of it did not come to its end."""
+    strangers: frozenset[str] = frozenset()
+    """Robots that are called as others of this machine's last run."""
 
     def named(self, words: Sequence[str]) -> tuple[Located, ...]:
         """Return what words mean: `SERVICE`, an instance of it, or `SERVICE@ROBOT`; without any, all services.
@@ -106,34 +112,72 @@ def locate(snapshot: Snapshot, instance: str, experiment: Experiment | None = No
         instance: The instance's id.
         experiment: What the EDF says.
     """
-    believed, disputes, notes = looking(snapshot, instance)
-    record = read_record(believed.placements.get(instance)) or PlacementRecord()
-    homes = {} if disputes else dict(record.robots)
+    looked, memory = looking(snapshot, instance), recall(instance)
+    placement = looked.snapshot.placements.get(instance)
+    record = read_record(placement) or PlacementRecord()
+    homes = {} if looked.disputes else dict(record.robots)
+    by_name = _expanded(snapshot, record, experiment)
+    remembered = placement is not None and digest(placement) in memory.records
+    sure = set(homes.items()) if remembered else _witnessed(snapshot, instance)
+    services = _services(snapshot, instance, homes, sure, disputed=bool(looked.disputes))
+    return Whereabouts(
+        instance=instance,
+        services=tuple(sorted(services, key=lambda one: (one.service, one.host))),
+        by_name=by_name,
+        families=_families(by_name),
+        notes=(*looked.disputes, *looked.notes),
+        unreachable=snapshot.unreachable,
+        remembered=remembered,
+        unsure=looked.unsure,
+        strangers=strangers(snapshot, memory),
+    )
+
+
+def _services(
+    snapshot: Snapshot, instance: str, homes: Mapping[str, str], sure: Container[tuple[str, str]], *, disputed: bool
+) -> list[Located]:
+    """Return what was placed and what was found; of `sure`, service and robot, it is known that it is there."""
     there = {
         (item.service, host): item
         for host, items in snapshot.observed.items()
         for item in items
         if item.module in RUNNING and item.instance == instance
     }
-    known, by_name = set(homes), _expanded(snapshot, record, experiment)
-    services = [
-        Located(service=one, host=host, container=container_name(instance, one), found=there.get((one, host)))
+    placed = [
+        Located(
+            service=one, host=host, container=container_name(instance, one), found=there.get((one, host)),
+            placed=(one, host) in sure,
+        )
         for one, host in homes.items()
-    ]
-    services += [
-        Located(service=one, host=host, container=item.name, found=item, stray=bool(disputes) or one in known)
+    ]  # fmt: skip
+    return placed + [
+        Located(
+            service=one, host=host, container=item.name, found=item, stray=disputed or one in homes,
+            placed=(one, host) in sure,
+        )
         for (one, host), item in there.items()
         if homes.get(one) != host
-    ]
-    return Whereabouts(
-        instance=instance,
-        services=tuple(sorted(services, key=lambda one: (one.service, one.host))),
-        by_name=by_name,
-        families=_families(by_name),
-        notes=(*disputes, *notes),
-        unreachable=snapshot.unreachable,
-        remembered=bool(recall(instance).robots),
-    )
+    ]  # fmt: skip
+
+
+def _witnessed(snapshot: Snapshot, instance: str) -> set[tuple[str, str]]:
+    """Return (service, robot) of what another robot's record has there: whoever places an instance tells all robots.
+
+    Where there is only one robot, it has nobody to tell.
+    """
+    alone = len(snapshot.facts.keys() | snapshot.unreachable.keys()) < 2
+    holders: dict[int, list[str]] = {}
+    records: dict[int, Mapping[str, Any]] = {}
+    for robot, held in snapshot.records.items():
+        if (record := held.get(instance)) is not None:
+            holders.setdefault(id(record), []).append(robot)
+            records[id(record)] = record
+    return {
+        (service, robot)
+        for key, record in records.items()
+        for service, robot in (read_record(record) or PlacementRecord()).robots.items()
+        if alone or holders[key] != [robot]
+    }
 
 
 def _expanded(snapshot: Snapshot, record: PlacementRecord, experiment: Experiment | None) -> Mapping[str, Service]:
@@ -166,27 +210,6 @@ def only(found: tuple[Located, ...]) -> Located:
     return found[0]
 
 
-def trusted(there: Whereabouts, word: str) -> Located:
-    """Return the one container that a word means, for who sends something of the user's own there.
-
-    Each robot may say that a service is on it. The one that has it contradicts, or this machine knows better; where
-    neither can be, as that one may be away, the user says which robot he means.
-
-    Raises:
-        UsageError: It is more than one, or only its robot says that it is there.
-    """
-    found = only(there.named([word]))
-    if there.remembered or not there.unreachable or "@" in word or found.host in there.unreachable:
-        return found
-    away = ", ".join(sorted(there.unreachable)[:_MOST_AWAY])
-    why = f"no run of this machine placed it, and {away} cannot be asked"
-    raise UsageError(
-        f"only {found.host} says that {found.service} is there: {why}",
-        hint=f"name it with its robot: {found.service}@{found.host}",
-        code=Code.DISPUTED,
-    )
-
-
 def containers_of(snapshot: Snapshot, instance: str, services: Sequence[str]) -> list[tuple[str, str, str]]:
     """Return (label, robot, container's name) of the services that are named, also as SERVICE@ROBOT, or of all.
 
@@ -202,8 +225,7 @@ def containers_of(snapshot: Snapshot, instance: str, services: Sequence[str]) ->
         for item in items
         if item.module in RUNNING and item.instance == instance
     )
-    believed, disputes, _ = looking(snapshot, instance)
-    home = {} if disputes else (read_record(believed.placements.get(instance)) or PlacementRecord()).robots
+    home = sure_homes(snapshot, instance)
 
     def labelled(chosen: Sequence[tuple[str, str, str]]) -> list[tuple[str, str, str]]:
         return [(name if home.get(name) == host else f"{name}@{host}", host, it) for name, host, it in chosen]

@@ -13,12 +13,13 @@ import msgspec
 from srprov import __version__
 from srprov.codes import Code
 from srprov.controller.digests import Found
+from srprov.controller.own_files import asked_for
 from srprov.controller.permissions import permit_planning
 from srprov.controller.pins import Names, branch_text, file_hashes, names_of, short
 from srprov.controller.repositories import commit_of, tree
 from srprov.controller.source import fetched
 from srprov.definitions.lockfile import Lock
-from srprov.definitions.model import Definitions
+from srprov.definitions.model import Definitions, Inventory
 from srprov.errors import UsageError, did_you_mean
 from srprov.git_address import is_commit
 from srprov.planning.policy import permissions
@@ -37,14 +38,18 @@ class Draft(msgspec.Struct, frozen=True):
     files: Mapping[str, str]
 
 
-def draft(file: str, old: Lock, update: Collection[str], allowed: Collection[str]) -> Draft:
+def draft(file: str, old: Lock, update: Collection[str], allowed: Collection[str], inventory: Inventory) -> Draft:
     """Return what is known without asking registries for images; git repositories are asked.
+
+    A lock is handed on, and has a hash of each file: with it a password, or a short token, can be guessed. So what is
+    the user's own is asked for as where it is shipped.
 
     Args:
         file: The EDF.
         old: Its lock; empty if there is none.
         update: Names that are looked up again: an image, an address, or `all`.
         allowed: Kinds of permission that the user gave.
+        inventory: The robots, of which it has passwords and keys.
 
     Raises:
         DefinitionError, RefusedError: As `read_definitions` says.
@@ -58,7 +63,7 @@ def draft(file: str, old: Lock, update: Collection[str], allowed: Collection[str
             commits[(url, ref)] = commit_of(url, ref)
         return tree(url, ref, commits)
 
-    found = fetched(file, allowed, fetch)
+    found = asked_for(fetched(file, allowed, fetch), inventory)
     permit_planning(permissions(found.experiment, found.containers), allowed)
     names = names_of(found)
     _check_update(update, old, names)

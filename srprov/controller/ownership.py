@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+import msgspec
 from msgspec.structs import replace
 
 from srprov.codes import Code
@@ -17,7 +18,7 @@ from srprov.modules import RUNNING
 from srprov.network.belief import Belief, believe
 from srprov.network.identity import link_names, tunnel_links
 from srprov.network.record import read_record
-from srprov.record.memory import digest, recall
+from srprov.record.memory import Memory, digest, recall
 from srprov.resource import Observed
 
 
@@ -44,13 +45,23 @@ def trusting(snapshot: Snapshot, instance: str, *, adopt: bool) -> tuple[Snapsho
     return replace(snapshot, placements=placements, records=records), belief.notes
 
 
-def looking(snapshot: Snapshot, instance: str = "") -> tuple[Snapshot, tuple[str, ...], tuple[str, ...]]:
-    """Return the snapshot with what is believed of an instance, or of all; with what is disputed, and notes on it.
+class Looked(msgspec.Struct, frozen=True, kw_only=True):
+    """What who changes nothing goes by."""
 
-    For who changes nothing: nothing is refused. What is disputed counts for nobody but the robot that says it.
-    """
+    snapshot: Snapshot
+    """With the placements that are believed."""
+    disputes: tuple[str, ...]
+    """In words; what is disputed counts for nobody but the robot that says it."""
+    notes: tuple[str, ...]
+    unsure: tuple[str, ...]
+    """Robots that may know of a later placement of this machine's than the one that is believed."""
+
+
+def looking(snapshot: Snapshot, instance: str = "") -> Looked:
+    """Return what is believed of an instance, or of all; nothing is refused."""
     disputes: list[str] = []
     notes: list[str] = []
+    unsure: list[str] = []
     placements: dict[str, Mapping[str, Any]] = {}
     for name in sorted({name for held in snapshot.records.values() for name in held if instance in ("", name)}):
         belief = _belief(snapshot, name)
@@ -58,13 +69,36 @@ def looking(snapshot: Snapshot, instance: str = "") -> tuple[Snapshot, tuple[str
         placements |= {name: record} if record is not None else {}
         disputes += [f"instance '{name}': robots disagree: {one}" for one in belief.disputes]
         notes += [f"instance '{name}': {one}" for one in (*belief.absent, *belief.notes)]
-    return replace(snapshot, placements=placements), tuple(disputes), tuple(notes)
+        unsure += belief.unsure
+    believed = replace(snapshot, placements=placements)
+    return Looked(snapshot=believed, disputes=tuple(disputes), notes=tuple(notes), unsure=tuple(unsure))
 
 
 def _belief(snapshot: Snapshot, instance: str) -> Belief:
     memory = recall(instance)
     order = {record: at for at, record in enumerate(memory.records)}
-    return believe(instance, snapshot, memory.robots, lambda record: order.get(digest(record), -1))
+    newest = len(memory.records) - 1
+    keepers = memory.robots - strangers(snapshot, memory)
+    return believe(instance, snapshot, keepers, lambda record: order.get(digest(record), -1), newest)
+
+
+def strangers(snapshot: Snapshot, memory: Memory) -> frozenset[str]:
+    """Return the robots that are called as others to which this machine's last run of an instance gave a record.
+
+    Each laboratory has a robot1, and that record may say of one what another had.
+    """
+    found = (robot for robot, proof in snapshot.proofs.items() if memory.proofs.get(robot, "") != proof)
+    return memory.robots.intersection(found)
+
+
+def sure_homes(snapshot: Snapshot, instance: str) -> dict[str, str]:
+    """Return service -> robot of an instance, where nobody disputes it and the robot is the one that is meant."""
+    looked = looking(snapshot, instance)
+    record = read_record(looked.snapshot.placements.get(instance))
+    if record is None or looked.disputes or looked.unsure:
+        return {}
+    others = strangers(snapshot, recall(instance))
+    return {service: robot for service, robot in record.robots.items() if robot not in others}
 
 
 def previous_robots(snapshot: Snapshot, instance: str) -> dict[str, str]:

@@ -126,7 +126,7 @@ def _shipped(experiment: Experiment, containers: Iterable[ContainerDefinition]) 
 
 
 def _below(path: str) -> Iterator[str]:
-    yield from (os.path.join(path, one.path) if one.path else path for one in disk.listing(path) if one.link is None)
+    yield from (os.path.join(path, one.path) if one.path else path for one in disk.shipped(path) if one.link is None)
 
 
 def differences(definitions: Definitions, lock: Lock) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from srprov.facts.model import MOST_SERIAL
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.module import Names, canonical
 from srprov.modules.network import NetworkParams
@@ -15,8 +16,6 @@ from srprov.untrusted import json_or_none, mapping
 
 _OVERLAY = ("subnet", "vni", "mtu", "port")
 _KEYS = {"instance", "source", "robots", "services", "serial", *_OVERLAY}
-_MOST_SERIAL = 2**31
-"""A record counts its changes."""
 
 
 class PlacementClaim:
@@ -53,7 +52,7 @@ class PlacementClaim:
             (value["instance"], value["source"]) == (self._names.instance, self._names.source)
             and all(one == [value[key] for key in _OVERLAY] for one in overlays)
             and type(value["serial"]) is int
-            and 0 < value["serial"] < _MOST_SERIAL
+            and 0 < value["serial"] <= MOST_SERIAL
             and record.robots == assigned
             and (set(services), set(robots)) == (set(assigned), set(assigned.values()))
             and all(self._is_robot(name, mapping(one)) for name, one in robots.items())

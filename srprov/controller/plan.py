@@ -21,13 +21,14 @@ from srprov.controller import bundled
 from srprov.controller.choice import Choice, choice_of, decided, settled
 from srprov.controller.context import contexts
 from srprov.controller.data_plan import plan_data
-from srprov.controller.image_builders import BUILDERS, counted
+from srprov.controller.image_builders import BUILDERS, counted, proofs_of
 from srprov.controller.image_layers import with_layers
 from srprov.controller.image_plans import images_alone, images_there, plan_images, with_fresh
 from srprov.controller.labpolicy import enforce, with_limits
 from srprov.controller.mtu_note import mtu_notes
 from srprov.controller.named_services import services_of
 from srprov.controller.old_values import with_differences
+from srprov.controller.own_files import asked_for
 from srprov.controller.owners import Owner
 from srprov.controller.ownership import check_source, owned, trusting
 from srprov.controller.permissions import permit_planning
@@ -181,6 +182,7 @@ def _plannable(definitions: Definitions, inventory: Inventory, request: PlanRequ
         raise DefinitionError(definitions.unsupported)
     if unknown := unknown_pins(definitions.experiment, inventory):
         raise DefinitionError(unknown)
+    definitions = asked_for(definitions, inventory)
     permit_planning(permissions(definitions.experiment, definitions.containers), request.allowed)
     return at_first_point(with_limits(definitions, request.policies))
 
@@ -208,7 +210,7 @@ def _inputs(
         snapshot=snapshot,
         data=plan_data(experiment, placed.placed, choice.data, snapshot, request),
         copy_way=request.copy,
-        known_images=counted(known_images() if tags else {}, tags, builders, snapshot, look.identity),
+        known_images=counted(known_images() if tags else {}, tags, builders, snapshot, proofs_of(look, snapshot)),
         images_only=request.images_only,
         images_for=services_of(request.targets, experiment, placed.placed) if request.images_only else (),
         bundled=mine,

@@ -39,21 +39,22 @@ def request_for(snapshot: Snapshot, instance: str) -> tuple[Request, tuple[str, 
     Raises:
         UsageError: Robots know nothing of it, or disagree, or nothing of it is on an overlay.
     """
-    believed, disputes, notes = looking(snapshot, instance)
-    if disputes:
+    looked = looking(snapshot, instance)
+    placement = looked.snapshot.placements.get(instance)
+    if looked.disputes:
         raise UsageError(
-            disputes[0], hint="`srprov plan` names the robots; --adopt of `apply` settles it", code=Code.DISPUTED
+            looked.disputes[0], hint="`srprov plan` names the robots; --adopt of `apply` settles it", code=Code.DISPUTED
         )
-    if instance not in believed.placements:
+    if placement is None:
         raise UsageError(
             f"nothing of {instance} on these robots", hint="`srprov apply` starts it", code=Code.NOTHING_RUNS
         )
-    request = request_of(instance, believed.placements[instance], tunnel_port=_tunnel_port(instance, snapshot))
+    request = request_of(instance, placement, tunnel_port=_tunnel_port(instance, snapshot))
     if request is None:
         raise UsageError(
             f"no service of {instance} is on the overlay", hint="there is nothing to probe", code=Code.PROBE
         )
-    return request, notes
+    return request, looked.notes
 
 
 def probe_fleet(fleet: Fleet, snapshot: Snapshot, request: Request) -> Probed:

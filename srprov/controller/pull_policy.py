@@ -40,10 +40,12 @@ def with_fresh(
         UsageError: No registry tells it, or robots disagree.
     """
     fresh = {name: one for name, one in experiment.services.items() if one.runtime.pull_policy == "always"}
-    robots = {placed[name] for name in fresh if placed.get(name) in reachable}
-    if not robots:
-        return definitions, experiment
     keys = {one.cdf for one in fresh.values()}
+    # a definition has one digest for all that use it: no robot alone says what others get
+    using = {name for name, one in experiment.services.items() if name in fresh or (one.cdf and one.cdf in keys)}
+    robots = {placed[name] for name in using if placed.get(name) in reachable}
+    if not any(placed.get(name) in reachable for name in fresh):
+        return definitions, experiment
     mine = replace(
         definitions,
         experiment=replace(experiment, services=fresh, remote=()),

@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from srprov.assignment.ports import declared, holders, missing_ports
 from srprov.assignment.requirements import kernel_fits
 from srprov.codes import Code
+from srprov.controller.other_names import USED, other_names, used
 from srprov.controller.robot_mounts import MOUNTS, Mounts
 from srprov.definitions.containermodel import Mount
 from srprov.definitions.model import Experiment, Service
@@ -92,8 +93,8 @@ def check_ready(
         UsageError: A folder is not there, or leads to what is graver to mount, or a port is somebody else's; names all.
     """
     new = _new_services(steps, placed.experiment)
-    replies = look.ask_each({robot: (_folders(services), MOUNTS, *QUERIES) for robot, services in new.items()})
-    now = replace(snapshot, taken={robot: taken_ports(said[2:]) for robot, said in replies.items()})
+    replies = look.ask_each({robot: (_folders(services), MOUNTS, USED, *QUERIES) for robot, services in new.items()})
+    now = replace(snapshot, taken={robot: taken_ports(said[3:]) for robot, said in replies.items()})
     held = holders({}, {}, of_others(now, instance, placed.experiment, placed.previous))
     missing = [line for robot, said in replies.items() for line in _missing(robot, new[robot], said[0])]
     taken = [
@@ -113,7 +114,9 @@ def check_ready(
     open_ones = [
         line for robot, said in replies.items() for line in _still_writable(snapshot.facts[robot], new[robot], said)
     ]
-    return (*(f"{line}, unless a playbook makes it" for line in missing), *(line for line, _ in led), *open_ones)
+    others = [f"{robot}: {line}" for robot, said in replies.items() for line in _otherwise(new[robot], said)]
+    absent = (f"{line}, unless a playbook makes it" for line in missing)
+    return (*absent, *(line for line, _ in led), *open_ones, *others)
 
 
 def with_log_drivers(steps: Iterable[Step], snapshot: Snapshot, look: Gathering) -> Snapshot:
@@ -161,6 +164,12 @@ def _folders(services: Iterable[Service]) -> Query:
     return Query(command="\n".join([*tests, ":"]))
 
 
+def _leads(services: Iterable[Service], reply: Reply) -> dict[str, str]:
+    """Return source -> where it really is, by the reply to `_folders`."""
+    said = dict(line.partition(" ")[::2] for line in lines_of(reply.out, _MOST_LINES))
+    return {source: folder(said.get(str(number), "")) or source for number, source in enumerate(_all_sources(services))}
+
+
 def _missing(robot: str, services: Sequence[Service], reply: Reply) -> Iterator[str]:
     numbers, users = {line.strip() for line in reply.out.splitlines()}, _users(services, made=False)
     for number, source in enumerate(_all_sources(services)):
@@ -170,15 +179,24 @@ def _missing(robot: str, services: Sequence[Service], reply: Reply) -> Iterator[
 
 def _led(robot: str, services: Sequence[Service], reply: Reply) -> Iterator[tuple[str, bool]]:
     """Yield a line for each source that a link leads elsewhere, and whether that is graver to mount than it looks."""
-    said = dict(line.partition(" ")[::2] for line in lines_of(reply.out, _MOST_LINES))
-    users, written = _users(services), {path for service in services for path in written_by(service.runtime)}
-    for number, source in enumerate(_all_sources(services)):
-        real = folder(said.get(str(number), ""))
-        if real and plain(real) != plain(source):
+    users, written = _users(services), _written(services)
+    for source, real in _leads(services, reply).items():
+        if plain(real) != plain(source):
             kind, why = mount_kind(real, read_only=source not in written)
             note = f" ({why})" if why and kind != GRAVE else ""
             is_grave = kind == GRAVE != mount_kind(source)[0]
             yield f"{robot}: {source}, which {users[source]} mounts, leads to {real}{note}", is_grave
+
+
+def _otherwise(services: Sequence[Service], said: Sequence[Reply]) -> Iterator[str]:
+    """Yield a line for each source that is more than its name, and where a link leads, say."""
+    users, written = _users(services), _written(services)
+    paths = [
+        (f"{source}, which {users[source]} mounts,", real, source not in written)
+        for source, real in _leads(services, said[0]).items()
+    ]
+    if paths:
+        yield from other_names(paths, Mounts(said[1].out), used(said[2].out))
 
 
 def _still_writable(robot: HostFacts, services: Sequence[Service], said: Sequence[Reply]) -> Iterator[str]:
@@ -186,12 +204,11 @@ def _still_writable(robot: HostFacts, services: Sequence[Service], said: Sequenc
     api = robot.docker.api_version if robot.docker else ""
     if kernel_fits(f">={_RECURSIVE_API}", api) and kernel_fits(f">={_RECURSIVE_KERNEL}", robot.kernel):
         return
-    links = dict(line.partition(" ")[::2] for line in lines_of(said[0].out, _MOST_LINES))
     only = {one.source: service.name for service in services for one in _binds(service) if one.read_only}
     mounts = Mounts(said[1].out if only else "")
-    for number, source in enumerate(_all_sources(services)):
+    for source, real in _leads(services, said[0]).items():
         try:
-            points = mounts.writable_below(folder(links.get(str(number), "")) or source) if source in only else []
+            points = mounts.writable_below(real) if source in only else []
         except TooManyError as error:
             yield f"{robot.name}: {error}: whether all of {source} is read-only is not known"
             return
@@ -199,6 +216,11 @@ def _still_writable(robot: HostFacts, services: Sequence[Service], said: Sequenc
             shown = ", ".join(map(text, points[:_MOST_NAMED])) + (" and more" if len(points) > _MOST_NAMED else "")
             what = f"{source} is read-only for '{only[source]}', but what is mounted below it is not"
             yield f"{robot.name}: {what}: {shown}"
+
+
+def _written(services: Iterable[Service]) -> set[str]:
+    """Return the sources that some container may write to."""
+    return {path for service in services for path in written_by(service.runtime)}
 
 
 def _users(services: Iterable[Service], *, made: bool = True) -> dict[str, str]:

@@ -32,7 +32,8 @@ def make_removal(
     Raises:
         RefusedError: `source` is given and another source made the instance; or what would go is another's data.
     """
-    snapshot, disputes, beliefs = looking(fleet.gather(Detail.BASIC), instance)
+    looked = looking(fleet.gather(Detail.BASIC), instance)
+    snapshot = looked.snapshot
     if source:
         check_source(snapshot, instance, source, adopt=adopt)
     if volumes and not adopt:
@@ -41,8 +42,8 @@ def make_removal(
     known = read_record(snapshot.placements.get(instance))
     away = sorted({robot for robot in (known.robots.values() if known else ()) if robot in snapshot.unreachable})
     notes = [
-        *disputes,
-        *beliefs,
+        *looked.disputes,
+        *looked.notes,
         *(
             f"{robot} holds services of this instance and cannot be reached; destroy again when it is back"
             for robot in away

@@ -5,6 +5,7 @@ Takes what a robot says; gives places as texts. Pure.
 
 from __future__ import annotations
 
+import functools
 import re
 from bisect import bisect_left
 from collections.abc import Iterable
@@ -87,6 +88,36 @@ class Mounts:
     def writable_below(self, real: str) -> list[str]:
         """Return where something is mounted below a folder that can be written, also where the folder itself cannot."""
         return self._among(self._writable, real.rstrip("/"))
+
+    def names(self, real: str) -> set[str]:
+        """Return where else a folder is shown, or a part of it, or of what is mounted below it; also itself.
+
+        An overlay shows what lies in its layers; what is seen by the overlay has no further name below them.
+        """
+        found: set[str] = set()
+        own = map(self._place, [real.rstrip("/"), *self._among(self._points, real.rstrip("/"))])
+        for place in {f"{fs} /{within}" for fs, within in own if fs}:
+            inside = self._places[bisect_left(self._places, place) : bisect_left(self._places, f"{place[:-1]}0")]
+            found.update(point for one in inside for point in self._shown_at[one])
+            for slash in re.finditer("/", place):  # the longer ones of what holds it were found above
+                above = place[: slash.end()]
+                self._count(1)
+                found.update(f"{point}/{place[len(above) :]}" for point in self._shown_at.get(above, ()))
+            self._count(len(inside))
+        return {one.rstrip("/") or "/" for one in found}
+
+    @functools.cached_property
+    def _shown_at(self) -> dict[str, list[str]]:
+        """Place -> where it is mounted."""
+        found: dict[str, list[str]] = {}
+        for point in self._points:
+            for one in self.places(point):
+                found.setdefault(one, []).append(point)
+        return found
+
+    @functools.cached_property
+    def _places(self) -> list[str]:
+        return sorted(self._shown_at)
 
     def _among(self, points: list[str], folder: str) -> list[str]:
         """Return those of sorted points that lie below a folder."""

@@ -76,10 +76,10 @@ def run(
             folder.event(event_json(event))
             listener(event)
 
-        forgetful = remembering.begin(planned)
+        forgetful = remembering.begin(planned, fleet.connected())
         result = run_plan(planned.plan, fleet.connected(), recorded, replace(options, run=folder.name), stop, held)
         unnoted = remembering.note_built(result, fleet.connected())
-        forgetful = unnoted or remembering.end(planned, result, options.verb) or forgetful
+        forgetful = unnoted or remembering.end(planned, result, options.verb, fleet.connected()) or forgetful
         document = run_json(planned.plan, result, fleet.connected(), phases)
         if result.probed is not None:
             folder.put_json("probe.json", result.probed.json)

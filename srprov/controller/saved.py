@@ -17,7 +17,7 @@ from srprov.controller.authority import check_copies, check_underlay, services_o
 from srprov.controller.data_owner import check_saved, refuse_labels, remember_owner
 from srprov.controller.data_sets import refuse_files
 from srprov.controller.fleet import Fleet
-from srprov.controller.image_builders import BUILDERS, check_builders, counted
+from srprov.controller.image_builders import BUILDERS, check_builders, counted, proofs_of
 from srprov.controller.old_values import as_reviewed, with_differences, without_old_lines
 from srprov.controller.ownership import check_source, looking, owned
 from srprov.controller.permissions import require_decided
@@ -119,24 +119,25 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
             hint="use the inventory that the plan was made with, or plan again",
             code=Code.PLAN_MISFIT,
         )
-    hosts = {name: fleet.inventory.hosts[name] for name in sorted(saved.fingerprints)}
-    part = replace(fleet.inventory, hosts=hosts)
+    part = replace(fleet.inventory, hosts={name: fleet.inventory.hosts[name] for name in sorted(saved.fingerprints)})
     wants = wants_of(saved)
     with Gathering(part, fleet.sessions.get, engine=True, forks=fleet.forks) as look:
         snapshot = look.probe(look.closer(Detail.ENGINE), wants)
         refuse_stale(saved, wants, snapshot, look)
         owners = provers(saved)
         check_saved(saved.plan, wants, snapshot, owners)
-        check_source(looking(snapshot, saved.plan.instance)[0], saved.plan.instance, saved.plan.source, adopt=adopt)
+        believed = looking(snapshot, saved.plan.instance).snapshot
+        check_source(believed, saved.plan.instance, saved.plan.source, adopt=adopt)
         if not owners:
             builders, tags = fleet.inventory.groups.get(BUILDERS, ()), {want.name for want in wants}
-            check_copies(saved, counted(known_images(), tags, builders, snapshot, look.identity), snapshot.facts)
+            ours = counted(known_images(), tags, builders, snapshot, proofs_of(look, snapshot))
+            check_copies(saved, ours, snapshot.facts)
             refuse_files(wants)
             refuse_labels(wants, trusted=adopt or signed)
             check_underlay(saved, {facts.underlay_address for facts in snapshot.facts.values()})
             if not signed:
                 check_builders([step.want for step in saved.plan.steps if step.want], fleet.inventory, snapshot)
-        _check_networks(wants, saved.plan.instance, snapshot)
+        _check_networks(wants, saved.plan.instance, believed)
         steps = _derived(saved, wants, snapshot, look, ours=bool(owners))
         check_writers(steps, [(want.host, one) for want, one in services_of(saved)], look)
         if not (owners or signed):  # last: of a file that was changed it is told what was
@@ -145,17 +146,17 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
     return Planned(plan=replace(saved.plan, steps=steps, unreachable=unreachable), saved=saved)
 
 
-def _check_networks(wants: tuple[Resource, ...], instance: str, snapshot: Snapshot) -> None:
+def _check_networks(wants: tuple[Resource, ...], instance: str, believed: Snapshot) -> None:
     """Hold the overlay of a plan file to what an EDF's is held to: nothing on a robot may have its subnet or VNI.
 
     Nor may its names be another instance's, which a tunnel has also where there is no network.
     """
-    check_names(instance, snapshot)
-    record = read_record(looking(snapshot, instance)[0].placements.get(instance))
+    check_names(instance, believed)
+    record = read_record(believed.placements.get(instance))
     overlays = [want.params for want in wants if isinstance(want.params, NetworkParams)]
     members = {want.host for want in wants if isinstance(want.params, NetworkParams)}
     for subnet, vni, port in sorted({(one.subnet, one.vni, one.port) for one in overlays}):
-        identify(instance, NetworkSettings(subnet=subnet, vni=vni, port=port), snapshot, record, members)
+        identify(instance, NetworkSettings(subnet=subnet, vni=vni, port=port), believed, record, members)
 
 
 def _derived(

@@ -1,8 +1,8 @@
 """The values of secrets, read only where the user allowed it.
 
 Takes what a run starts from, an experiment or a plan from a file; gives a Vault. Reads variables, files and the output
-of programs of the controller. The vault goes into wanted resources, for their hashes (`with_value`), and into sessions,
-which write the values.
+of programs of the controller, and remembers which files these were: see `own_files`. The vault goes into wanted
+resources, for their hashes (`with_value`), and into sessions, which write the values.
 
 What a plan file names is read after the user saw the plan and said yes: `HeldSecrets`.
 """
@@ -10,7 +10,7 @@ What a plan file names is read after the user saw the plan and said yes: `HeldSe
 from __future__ import annotations
 
 import os
-from collections.abc import Collection
+from collections.abc import Collection, MutableMapping
 from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
@@ -19,6 +19,7 @@ from srprov.controller.permissions import permit_planning
 from srprov.definitions.model import Definitions
 from srprov.definitions.secretvalues import resolve, used
 from srprov.planning.policy import permissions
+from srprov.record.memory import note_secret_files
 from srprov.secret import Vault
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def read_secrets(source: Definitions, allowed: Collection[str]) -> Vault:
     if source.unsupported:
         return Vault()  # refused as soon as a plan is made, with all that is not built
     permit_planning(permissions(source.experiment, source.containers), allowed)
-    return resolve(used(source.experiment))
+    return _read(used(source.experiment))
 
 
 class HeldSecrets:
@@ -68,11 +69,18 @@ class HeldSecrets:
             return planned
         from srprov.modules.secret import with_value
 
-        self.vault.fill(resolve(secret_sources(planned.plan), {**os.environ, **self._variables}))
+        self.vault.fill(_read(secret_sources(planned.plan), {**os.environ, **self._variables}))
         steps = tuple(
             replace(step, want=with_value(step.want, self.vault)) if step.want else step for step in planned.plan.steps
         )
         return replace(planned, plan=replace(planned.plan, steps=steps))
+
+
+def _read(sources: Collection[SecretSource], environ: MutableMapping[str, str] | None = None) -> Vault:
+    """Read values; the files stay those of secrets for this machine, whatever another version of the EDF calls them."""
+    found = resolve(sources, environ)
+    note_secret_files({os.path.realpath(one.file) for one in sources if one.file})
+    return found
 
 
 def secret_sources(plan: Plan) -> tuple[SecretSource, ...]:

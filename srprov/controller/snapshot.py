@@ -20,14 +20,14 @@ from msgspec.structs import replace
 from srprov import believed, private
 from srprov.codes import Code
 from srprov.controller.fleet import Fleet
-from srprov.controller.snapshot_check import Checker
+from srprov.controller.snapshot_check import Checker, hidden
 from srprov.controller.snapshot_look import Seen, look
 from srprov.errors import TransportError, UsageError
 from srprov.robot_answers import answers_of
 from srprov.secret import Secret
 from srprov.snapshot import report
 from srprov.snapshot.containers import service_of
-from srprov.snapshot.folder import Robot, definition_of
+from srprov.snapshot.folder import Definition, Robot, definition_of
 from srprov.snapshot.hider import Hider
 from srprov.snapshot.names_there import NamesThere
 from srprov.snapshot.secret_names import SecretNames
@@ -62,8 +62,7 @@ def snapshot(fleet: Fleet, target: Path, name: str) -> dict[str, Any]:
     except ValueError as error:
         raise UsageError(f"{error} in containers", hint="name fewer robots at once", code=Code.TOO_LARGE) from error
     _make_known(hider, [word for robot in robots for word in (robot.name, *(one.name for one in robot.services))])
-    robots = [_cleaned(robot, hider) for robot in robots]
-    definitions = {robot.name: one for robot in robots if (one := definition_of(robot))}
+    robots, definitions = _without_secrets(robots, hider)
     with _draft(target) as draft, believed.to_fill(str(draft)) as opened:
         place = Path(opened)
         robots, definitions = Checker(place, robots, definitions, hider).checked(name)
@@ -126,7 +125,7 @@ def _robots(seen: Sequence[Seen]) -> list[Robot]:
             taken.add(name)
             try:
                 with answers_of(one.name):
-                    made = service_of(name, box, image, one.runtime, one.notes, given)
+                    made = service_of(name, box, image, one.runtime, one.notes, given.of(one.name))
                     services.append(there.without_hostname(one.name, made, one.notes))
             except TransportError as error:
                 one.notes.lost(f"container {name}", error.message)
@@ -161,7 +160,24 @@ def _make_known(hider: Hider, names: Sequence[str]) -> None:
                 Secret(value)
 
 
-def _cleaned(robot: Robot, hider: Hider) -> Robot:
+def _without_secrets(robots: Sequence[Robot], hider: Hider) -> tuple[list[Robot], dict[str, Definition]]:
+    """Return robots, and robot -> the CDF of its host, in which no secret of theirs stands once more."""
+    own = {robot.name: Hider(value for one in robot.services for value in one.hidden) for robot in robots}
+    clean = [_cleaned(robot, hider, own[robot.name]) for robot in robots]
+    return clean, {robot.name: one for robot in clean if (one := _definition(robot, hider, own[robot.name]))}
+
+
+def _definition(robot: Robot, hider: Hider, own: Hider) -> Definition | None:
+    """Return the CDF of a robot's host; none that would lack what another robot says is a secret of its own."""
+    one = definition_of(robot)
+    if one is None or hidden(one.values, hider) == hidden(one.values, own):
+        return one
+    why = "a word of it is a secret of another robot: it is left out; look at this robot alone to have it"
+    robot.notes.lost(f"host {robot.name}", why)
+    return None
+
+
+def _cleaned(robot: Robot, hider: Hider, own: Hider) -> Robot:
     """Return a robot in whose services and patches no secret stands once more."""
     repositories = []
     for one in robot.repositories:
@@ -173,7 +189,6 @@ def _cleaned(robot: Robot, hider: Hider) -> Robot:
             repositories.append(replace(one, patch=b""))
         else:
             repositories.append(one)
-    own = Hider(value for one in robot.services for value in one.hidden)
     services = tuple(kept for one in robot.services if (kept := without(one, hider, own, robot.notes)))
     return replace(robot, services=services, repositories=tuple(repositories))
 

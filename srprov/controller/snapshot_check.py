@@ -21,6 +21,7 @@ from srprov.images.dockerfile import render_dockerfile
 from srprov.snapshot.folder import EDF_NAME, Definition, Robot, experiment_of
 from srprov.snapshot.hider import Hider
 from srprov.snapshot.notes import Notes
+from srprov.snapshot.without import FREE_KEYS
 from srprov.yamldoc.writer import Commented, document
 
 _HEAD = "Written by `srprov snapshot`; report.md says what was not captured."
@@ -29,8 +30,6 @@ LONGEST_S = 120.0
 """To find out what is refused: a robot may have thousands of odd values, and each is tried."""
 _MOST_TRIED = 200
 """Entries of a list that are tried one by one; a longer one is kept or dropped as a whole."""
-_FREE_KEYS = ("labels", "sysctls", "options")
-"""Fields whose keys are words of the robot."""
 _OURS = ("robot", "cdf", "base", "image", "src", "name", "profiles", "secrets", "env", "network", "kind", "type")
 """Fields whose values are words of the inventory, of srprov or of a registry."""
 _OF_CDF = ("cdf", "name", "base")
@@ -171,18 +170,19 @@ class Checker:
         return ""
 
     def _write(self, name: str, values: Mapping[str, Any]) -> None:
-        private.write_file(self.folder / name, document(self._hidden(values), _HEAD))
+        private.write_file(self.folder / name, document(hidden(values, self.hider), _HEAD))
 
-    def _hidden(self, value: Any, within: str = "") -> Any:  # noqa: ANN401 - what YAML has
-        """Return values without secrets. Names of fields, robots and files stay: a password may be such a word, too."""
-        if isinstance(value, Commented):
-            return Commented(self._hidden(value.value, within), self.hider.without_strong(value.words))
-        if isinstance(value, Mapping):
-            free = within in _FREE_KEYS
-            return {
-                self.hider.without_strong(key) if free else key: self._hidden(one, "" if free else key)
-                for key, one in value.items()
-            }
-        if isinstance(value, list):
-            return [self._hidden(one, within) for one in value]
-        return self.hider.without_strong(value) if isinstance(value, str) and within not in _OURS else value
+
+def hidden(value: Any, hider: Hider, within: str = "") -> Any:  # noqa: ANN401 - what YAML has
+    """Return values without secrets. Names of fields, robots and files stay: a password may be such a word, too."""
+    if isinstance(value, Commented):
+        return Commented(hidden(value.value, hider, within), hider.without_strong(value.words))
+    if isinstance(value, Mapping):
+        free = within in FREE_KEYS
+        return {
+            hider.without_strong(key) if free else key: hidden(one, hider, "" if free else key)
+            for key, one in value.items()
+        }
+    if isinstance(value, list):
+        return [hidden(one, hider, within) for one in value]
+    return hider.without_strong(value) if isinstance(value, str) and within not in _OURS else value

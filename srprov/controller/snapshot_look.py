@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec.structs import replace
 
+from srprov.names import few
 from srprov.session import Reader
 from srprov.snapshot.debian import parse_policy, policy_query
 from srprov.snapshot.gitscript import TIMEOUT_S, script
@@ -160,9 +161,8 @@ def _note_changes(
             continue
         if changed := _changed_files(reply):
             size = integer(box.get("SizeRw"))
-            more = f", and {len(changed) - _SHOWN} more" if len(changed) > _SHOWN else ""
-            shown = ", ".join(text(path, length=50) for path in changed[:_SHOWN])
-            notes.lost(subject, f"files changed since it was made ({size} bytes): {shown}{more}")
+            shown = few([text(path, length=50) for path in changed], _SHOWN)
+            notes.lost(subject, f"files changed since it was made ({size} bytes): {shown}")
 
 
 def _changed_files(reply: Reply) -> list[str]:

@@ -61,7 +61,8 @@ def status_of(
     Raises:
         UsageError: Two instances of a service would have one name.
     """
-    snapshot, disputes, notes = looking(snapshot, instance)
+    looked = looking(snapshot, instance)
+    snapshot = looked.snapshot
     found = _running(snapshot)
     names = [instance] if instance else sorted({*found, *snapshot.placements} - {""})
     states = {
@@ -83,8 +84,8 @@ def status_of(
     return Status(
         services=sorted(rows, key=lambda row: (row["instance"], row["service"], row["robot"])),
         links=[link for look in looks for link in look.links()],
-        disputes=disputes,
-        notes=notes,
+        disputes=looked.disputes,
+        notes=looked.notes,
         trials="; ".join(lines),
     )
 

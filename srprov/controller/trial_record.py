@@ -53,8 +53,8 @@ def keep_session(folder: Path, number: int, plan: TrialPlan, inventory: Inventor
     for path, content in kept.items():
         private.make_folder((home / places[path]).parent)
         private.write_output(str(home / places[path]), content)
-    variables = sorted({name for _, name in whole.experiment.environment}) if whole.experiment else []
-    about = {"edf": _edf(whole, places), "variables": variables, "files": listing(files, places, kept)}
+    variables = whole.experiment.variables if whole.experiment else ()
+    about = {"edf": _edf(whole, places), "variables": list(variables), "files": listing(files, places, kept)}
     sink.put_json("inputs.json", lambda: about)
     for tag, image in sorted(whole.images.items()):
         name = tag.replace("/", "_").replace(":", "_")  # a bundle has no names that Windows could not have

@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 
 from srprov.controller.run import RunReport
+from srprov.names import few
 from srprov.trials import Design
 from srprov.trials.judge import COUNTED
 from srprov.untrusted import integer
@@ -87,8 +88,7 @@ class TrialsReport(msgspec.Struct, frozen=True, kw_only=True):
         if left := total - len(attempts) - len(out):
             told.append(f"{left} not begun")
         again = [f"{trial} ({len(some)} attempts)" for trial, some in attempts.items() if len(some) > 1]
-        more = f" and {len(again) - _MOST_NAMED} more" if again[_MOST_NAMED:] else ""
-        repeated = [f"tried again: {', '.join(again[:_MOST_NAMED])}{more}"] if again else []
+        repeated = [f"tried again: {few(again, _MOST_NAMED)}"] if again else []
         unclosed = sum(integer(one.get("unclosed")) for some in attempts.values() for one in some)
         bags = [f"{_bags(unclosed)}; collected.json of each trial names what"] if unclosed else []
         return [f"{self.done} of {total} trials count: {'; '.join(told)}", *repeated, *bags]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -13,6 +13,7 @@ from msgspec.structs import replace
 from srprov.conversion import discovery, robots
 from srprov.conversion.experiment import Draft, convert
 from srprov.conversion.project import Choices, Machine, instance_name
+from srprov.definitions.model import EXPORTED
 from srprov.importing.named import check_named
 from srprov.importing.normal import Normal
 from srprov.importing.read import normalise
@@ -29,6 +30,8 @@ class Wanted(msgspec.Struct, frozen=True, kw_only=True):
     robot_map: str = ""
     name: str = ""
     home: str = "robot"
+    own: Collection[str] = ()
+    """Real paths of files of the user's that no project has, wherever they lie: secrets were read from them."""
 
 
 def draft(wanted: Wanted) -> Draft:
@@ -48,9 +51,10 @@ def draft(wanted: Wanted) -> Draft:
     name = wanted.name or (
         os.path.basename(os.path.abspath(wanted.folder))
         if len(machines) > 1
-        else str(machines[0].normal.document.get("name") or "")
+        else str(machines[0].normal.document.get("name") or "").removeprefix(EXPORTED)
     )
-    choices = Choices(home=wanted.home, chosen_profiles=bool(wanted.profiles) and "*" not in wanted.profiles)
+    some_profiles = bool(wanted.profiles) and "*" not in wanted.profiles
+    choices = Choices(home=wanted.home, chosen_profiles=some_profiles, own=wanted.own)
     return convert(machines, instance_name(name), choices, os.path.abspath(wanted.folder), network)
 
 
@@ -61,6 +65,7 @@ def _machine(files: Sequence[str], robot: str, wanted: Wanted) -> Machine:
         env_files=[FilePath(one) for one in wanted.env_files],
         settings=dict(wanted.settings),
         project=wanted.name or None,
+        own=wanted.own,
     )
     folders = dict.fromkeys(os.path.dirname(os.path.realpath(one)) for one in files)
     return Machine(normal, tuple(folders), robot)

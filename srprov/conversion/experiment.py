@@ -16,6 +16,7 @@ from srprov.conversion import names_used, services
 from srprov.conversion.kept import Kept
 from srprov.conversion.notes import Finding, Notes
 from srprov.conversion.project import Choices, Machine, Making, Project, service_name
+from srprov.definitions.model import EXPORTED
 from srprov.errors import UsageError
 from srprov.importing.normal import Note, Variable
 from srprov.importing.position import Path
@@ -64,13 +65,13 @@ def convert(
     Raises:
         UsageError: There are more services than an instance can have.
     """
-    count = sum(len(one.normal.document.get("services") or ()) for one in machines)
-    if count > MOST_SERVICES:
+    if (count := sum(len(one.normal.document.get("services") or ()) for one in machines)) > MOST_SERVICES:
         hint = "import some of the files at a time"
         raise UsageError(
             f"there are {count} services, and an experiment has at most {MOST_SERVICES}", hint=hint, code=Code.TOO_LARGE
         )
-    making = Making(name, choices, dict(network))
+    withheld = {*choices.own, *(path for one in machines for path in one.normal.secret_files)}
+    making = Making(name, choices, dict(network), withheld=withheld)
     projects = [_project(machine, making) for machine in machines]
     for project in projects:
         _names(project, projects)
@@ -147,7 +148,8 @@ def _top(project: Project) -> None:
         hint = "a service whose profile is off is left out: --profile NAME"
         project.notes.refused(("services",), "there is no service", hint)
     normal = project.notes.normal
-    if project.document.get("name") == project.making.name or normal.position_of(("name",)) == normal.position_of(()):
+    written = str(project.document.get("name")).removeprefix(EXPORTED)
+    if written == project.making.name or normal.position_of(("name",)) == normal.position_of(()):
         project.notes.exact(("name",))  # nobody wrote another
     else:
         project.notes.adapted(("name",), f"the experiment is '{project.making.name}'")

@@ -9,6 +9,7 @@ from typing import Any
 from srprov.conversion.project import Project
 from srprov.conversion.table_service import SAME
 from srprov.importing.position import Path
+from srprov.names import label_fault
 
 _Given = Mapping[str, Any]
 _SIZES = ("mem_limit", "mem_reservation", "shm_size")
@@ -16,7 +17,6 @@ _NUMBERS = ("oom_score_adj", "cpus")
 _NAMESPACES = {"ipc": ("host", "private", "shareable", "none"), "pid": ("host",)}
 _EXPOSED = re.compile(r"[0-9]{1,5}(-[0-9]{1,5})?(/(tcp|udp))?")
 _SECRET = re.compile(r"passw|secret|token|credential|api_?key", re.IGNORECASE)
-_OURS = re.compile(r"srprov(\.|\Z)")
 _PROFILE_FILE = re.compile(r"(seccomp|apparmor|label)[=:](?P<value>.*)", re.DOTALL)
 
 
@@ -101,9 +101,9 @@ def various(given: _Given, project: Project, at: Path) -> dict[str, Any]:
     if limits := given.get("ulimits"):
         found["ulimits"] = {name: _limit(value) for name, value in limits.items()}
     if labels := given.get("labels"):
-        for name in sorted(name for name in labels if _OURS.match(name)):
-            project.notes.dropped((*at, "labels"), f"the label '{name[:60]}' is srprov's own")
-        found["labels"] = {name: str(value) for name, value in labels.items() if not _OURS.match(name)}
+        for wrong in filter(None, map(label_fault, sorted(labels))):
+            project.notes.dropped((*at, "labels"), wrong)
+        found["labels"] = {name: str(value) for name, value in labels.items() if not label_fault(name)}
     if ports := given.get("expose"):
         fit = [str(port) for port in ports if _EXPOSED.fullmatch(str(port))]
         for port in ports:

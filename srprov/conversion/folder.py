@@ -8,11 +8,12 @@ from.
 from __future__ import annotations
 
 import errno
+import functools
 import os
 import secrets
 import shutil
 import stat
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from msgspec.structs import replace
 
@@ -23,6 +24,7 @@ from srprov.conversion.report import as_markdown
 from srprov.conversion.tree import Tree
 from srprov.definitions import check_files
 from srprov.definitions.model import VERSION_CONTROL
+from srprov.definitions.version_control import has_further_names, with_further_names
 from srprov.errors import Diagnostic, UsageError
 from srprov.importing.normal import Refused
 from srprov.yamldoc import writer
@@ -92,7 +94,8 @@ def _has_profiles(draft: Draft) -> bool:
 
 def _fill(draft: Draft, place: str, passed_over: tuple[str, ...], files: Sequence[str]) -> None:
     tree = Tree(place)
-    copying = _Copying(tree, draft.withheld, passed_over)
+    folders = {os.path.dirname(os.path.realpath(one)) for one in files}
+    copying = _Copying(tree, draft.withheld, passed_over, folders)
     for below, source in sorted(draft.copies.items()):
         try:
             copying.take(source, below)
@@ -114,10 +117,16 @@ def _fill(draft: Draft, place: str, passed_over: tuple[str, ...], files: Sequenc
 class _Copying:
     """Copies files and folders with their modes, within limits; links stay links."""
 
-    def __init__(self, tree: Tree, withheld: frozenset[str], passed_over: tuple[str, ...]) -> None:
+    def __init__(
+        self, tree: Tree, withheld: frozenset[str], passed_over: tuple[str, ...], folders: Collection[str]
+    ) -> None:
         self.tree = tree
         self.withheld = withheld
+        self.known = regular_file.identities(withheld)
         self.passed_over = passed_over
+        self.folders = folders
+        """Of the files that are imported."""
+        self.kept = functools.cache(with_further_names)
         self.bytes = 0
         self.files = 0
 
@@ -127,6 +136,8 @@ class _Copying:
         Raises:
             OSError: It cannot be read, or is too much.
         """
+        if self._is_withheld(source):
+            return
         if os.path.isdir(source):
             if place.count("/") > _DEEPEST:
                 raise OSError(errno.ELOOP, f"more than {_DEEPEST} folders lie in each other", source)
@@ -135,23 +146,34 @@ class _Copying:
                 inner = os.path.join(source, entry)
                 if entry not in VERSION_CONTROL and inner not in self.passed_over:
                     self._entry(inner, f"{place}/{entry}")
-        elif source not in self.withheld:
+        else:
             self._file(source, place)
 
     def _entry(self, source: str, place: str) -> None:
         about = os.lstat(source)
         if stat.S_ISLNK(about.st_mode):
             self.tree.link(place, os.readlink(source))
-        elif stat.S_ISDIR(about.st_mode):
+        else:
             self.take(source, place)
-        elif source not in self.withheld:
-            self._file(source, place)
+
+    def _is_withheld(self, source: str) -> bool:
+        """Return whether a secret is in a file, or in a folder that holds it."""
+        while source not in self.withheld:
+            above = os.path.dirname(source)
+            if above == source:
+                return False
+            source = above
+        return True
 
     def _file(self, source: str, place: str) -> None:
         self.files += 1
         if self.files > _MOST_FILES:
             raise OSError(0, f"more than {_MOST_FILES} files would be copied")
         content, about = regular_file.read_with_status(source, _MOST_BYTES, real=True)
+        known = (about.st_dev, about.st_ino)
+        is_kept = has_further_names(about) and any(known in self.kept(one) for one in self.folders)
+        if is_kept or known in self.known:
+            return  # the same file as one that is never copied
         self.bytes += len(content)
         if self.bytes > _MOST_BYTES:
             raise OSError(0, f"more than {_MOST_BYTES // regular_file.MIB} MiB would be copied")

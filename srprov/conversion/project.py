@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -44,6 +44,8 @@ class Choices(msgspec.Struct, frozen=True):
     """The user of the robots whose home `~` is."""
     chosen_profiles: bool = False
     """Services were chosen by their profiles already."""
+    own: Collection[str] = ()
+    """Real paths of files of his own, which are not copied wherever they lie."""
 
 
 @dataclass

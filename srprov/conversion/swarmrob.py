@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from msgspec.structs import replace
 
@@ -15,8 +15,10 @@ from srprov.importing import swarmrob
 from srprov.importing.named import check_named
 
 
-def draft(files: Sequence[str], folder: str, settings: Mapping[str, str], name: str = "") -> Draft:
-    """Return the experiment that a definition of SwarmRob, with its Dockerfiles, describes.
+def draft(
+    files: Sequence[str], folder: str, settings: Mapping[str, str], name: str = "", own: Collection[str] = ()
+) -> Draft:
+    """Return the experiment that a definition of SwarmRob, with its Dockerfiles, describes, without the files `own`.
 
     Raises:
         Refused: With everything that is wrong.
@@ -24,7 +26,8 @@ def draft(files: Sequence[str], folder: str, settings: Mapping[str, str], name: 
     check_named(files)
     found = swarmrob.read(files, settings, name)
     machine = Machine(found.normal, found.folders)
-    made = convert([machine], instance_name(str(found.normal.document["name"])), Choices(), os.path.abspath(folder))
+    called = instance_name(str(found.normal.document["name"]))
+    made = convert([machine], called, Choices(own=own), os.path.abspath(folder))
     more = [
         Finding(found.normal.position_of(path), ".".join(map(str, path)), Kept.DROPPED, message)
         for path, message in found.passed_over

@@ -42,7 +42,7 @@ SERVICE: tuple[Row, ...] = (
     exact(f"{_S}.env_file.format", "`environment`"),
     exact(f"{_S}.env_file.required", "`environment`"),
     exact(f"{_S}.expose", "", (Kept.DROPPED, "a range or a protocol that an EDF has no form for")),
-    exact(f"{_S}.labels", "", (Kept.DROPPED, "labels that begin with `srprov.` are srprov's own")),
+    exact(f"{_S}.labels", "", (Kept.DROPPED, "those that begin with `srprov.`, `com.docker.` and the like")),
     adapted(f"{_S}.label_file", "`labels`", "its labels stand in the service's `labels`"),
     dropped(f"{_S}.annotations", "they are for other runtimes than Docker's"),
     Row(f"{_S}.ulimits", Kept.EXACT, "`ulimits`", whole=True),

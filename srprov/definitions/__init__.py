@@ -51,12 +51,14 @@ def load_experiment(
         DefinitionError: With everything that is wrong.
     """
     from srprov.definitions import experiment, paths
+    from srprov.definitions.own_lines import hide_own
     from srprov.definitions.profiles import chosen
 
     try:
         return chosen(experiment.load(str(path), os.environ if environ is None else environ, fetch), profiles)
     except DefinitionError as error:
-        raise DefinitionError(paths.hide_outside(error.problems, paths.folder_of(str(path)))) from None
+        folder = paths.folder_of(str(path))
+        raise DefinitionError(hide_own(paths.hide_outside(error.problems, folder), str(path), folder)) from None
 
 
 def load_container(path: str | Path, environ: Mapping[str, str] | None = None) -> ContainerDefinition:
@@ -66,26 +68,28 @@ def load_container(path: str | Path, environ: Mapping[str, str] | None = None) -
         DefinitionError: With everything that is wrong.
     """
     from srprov.definitions import cdf_folder, container, paths
+    from srprov.definitions.own_lines import hide_own
 
     folder = cdf_folder.experiment_folder(str(path))
     try:
         return container.load(str(path), folder, os.environ if environ is None else environ).definition
     except DefinitionError as error:
         told = paths.folder_of(str(path)) if paths.link_out(str(path)) else folder
-        raise DefinitionError(paths.hide_outside(error.problems, told)) from None
+        raise DefinitionError(hide_own(paths.hide_outside(error.problems, told), str(path), folder)) from None
 
 
-def load_inventory(paths: Sequence[str | Path], unnamed: Collection[str] = ()) -> Inventory:
+def load_inventory(paths: Sequence[str | Path], unnamed: Collection[str] = (), *, run: bool = True) -> Inventory:
     """Read the robots from one or more inventories as Ansible has them; later ones win.
 
-    One of `unnamed`, which the user did not name himself, may not make srprov run anything here.
+    One of `unnamed`, which the user did not name himself, may not make srprov run anything here. Without `run`, one
+    that is a program is refused, whoever named it.
 
     Raises:
         DefinitionError: With everything that is wrong.
     """
     from srprov.definitions import inventory
 
-    return inventory.load([str(path) for path in paths], unnamed)
+    return inventory.load([str(path) for path in paths], unnamed, run=run)
 
 
 def select(inventory: Inventory, pattern: str, failed: Callable[[], Collection[str]] | None = None) -> tuple[str, ...]:
@@ -151,14 +155,15 @@ def remarks(paths: Sequence[str | Path]) -> list[Diagnostic]:
         DefinitionError: A file is no YAML.
     """
     from srprov.definitions import dockerfile, dollars, file_named_volumes
-    from srprov.definitions.paths import folder_of, inside
+    from srprov.definitions.paths import folder_of, inside, link_out
     from srprov.yamldoc import loader
 
     found: set[Diagnostic] = set()
     for path in map(str, paths):
         kind = file_kind(path)
         # a remark is told with its line, so there is none on what a link leads to elsewhere
-        if kind in ("edf", "cdf") and not dockerfile.is_dockerfile(path) and inside(path, folder_of(path)):
+        away = link_out(path) or not inside(path, folder_of(path))
+        if kind in ("edf", "cdf") and not dockerfile.is_dockerfile(path) and not away:
             root = loader.read(path)
             found.update((*dollars.remarks_on(root, kind), *file_named_volumes.remarks_on(root, kind)))
     return sorted(found)
@@ -174,7 +179,8 @@ def _check(path: str, wanted: Collection[str]) -> None:
     elif kind == "cdf":
         load_container(path)
     else:
-        load_inventory([path])
+        # who checks files takes what a pattern finds, as a CI does with those of a stranger's branch
+        load_inventory([path], run=False)
 
 
 def file_kind(path: str) -> str:

@@ -94,6 +94,7 @@ def _load(path: str, environ: Mapping[str, str], fetch: Fetch | None) -> Definit
             files=files,
             contents=MappingProxyType(contents),
             outside=tuple(sorted({*experiment.outside, *elsewhere})),
+            read_outside=frozenset(map(os.path.realpath, files)) & {path for _, path in experiment.outside},
         ),
         containers=MappingProxyType({key: one.definition for key, one in sorted(read.by_path.items())}),
         unsupported=tuple(sorted(paths.hide_outside(unsupported.problems, folder))),
@@ -125,6 +126,7 @@ def _checked(
         playbooks=playbooks,
         outside=taken.outside(path, folder, services, containers, env_files),
         environment=bare,
+        variables=tuple(sorted({name for _, name in bare})),
         trials=trial_definitions,
     )
 

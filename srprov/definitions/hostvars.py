@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TypeVar
 
 from srprov.codes import Code
@@ -32,14 +32,14 @@ _HINTS = {
 }
 """What is not known of a value -> what to do."""
 _BECOME_PASSWORD = ("ansible_become_password", "ansible_become_pass", "ansible_sudo_pass")
+_PASSWORD = ("ansible_password", "ansible_ssh_pass", "ansible_ssh_password")
 _ARGUMENTS = ("ansible_ssh_args", "ansible_ssh_common_args", "ansible_ssh_extra_args")
 READ = frozenset((
     *_BECOME_PASSWORD, *_ARGUMENTS, "ansible_become", "ansible_connection",
     "ansible_ssh_private_key_file", "ansible_private_key_file",
     "ansible_host", "ansible_ssh_host", "ansible_port", "ansible_ssh_port", "ansible_user", "ansible_ssh_user",
-    "ansible_password", "ansible_ssh_pass", "ansible_ssh_password",
-    "srprov_tags", "srprov_slots", "srprov_underlay", "srprov_devices", "srprov_bandwidth_mbit", "srprov_pid",
-    "srprov_site",
+    *_PASSWORD, "srprov_tags", "srprov_slots", "srprov_underlay", "srprov_devices", "srprov_bandwidth_mbit",
+    "srprov_pid", "srprov_site",
 ))  # fmt: skip
 """Every variable that `host` reads; a test holds it to that."""
 
@@ -56,7 +56,7 @@ def host(name: str, variables: Variables, groups: tuple[str, ...], place: Node, 
         port=reader.read("ansible_port", _port, None) or reader.read("ansible_ssh_port", _port, None),
         user=reader.text("ansible_user", "ansible_ssh_user"),
         identity_file=reader.file(identity) if identity else None,
-        password=reader.secret("ansible_password", "ansible_ssh_pass", "ansible_ssh_password"),
+        password=reader.secret(*_PASSWORD),
         become=reader.read("ansible_become", _flag, False),
         become_password=reader.secret(*_BECOME_PASSWORD, hidden_is_none=True),
         connection=reader.read("ansible_connection", _connection, "ssh"),
@@ -71,6 +71,14 @@ def host(name: str, variables: Variables, groups: tuple[str, ...], place: Node, 
         groups=groups,
         location=nodes.location(place),
     )
+
+
+def own_files(scopes: Iterable[Variables], hosts: Iterable[Host]) -> tuple[str, ...]:
+    """Return the real paths of the files in which passwords of robots stand, and of the keys that open them."""
+    passwords = (*_PASSWORD, *_BECOME_PASSWORD)
+    found = {one[key][1].source.file for one in scopes for key in passwords if key in one}
+    found |= {host.identity_file for host in hosts if host.identity_file}
+    return tuple(sorted({os.path.realpath(path) for path in found if "\0" not in path}))
 
 
 class _VariableReader:

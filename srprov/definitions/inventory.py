@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 from srprov import regular_file
 from srprov.codes import Code
-from srprov.definitions import hostvars, inifile, right_kind, script
+from srprov.definitions import hostvars, inifile, names_alone, right_kind, script
 from srprov.definitions.groups import Group, HostEntry, HostTree, Variables, variables_of
 from srprov.definitions.model import Inventory
 from srprov.definitions.paths import folder_of, hide_outside, inside, link_out, way_out
@@ -33,10 +33,10 @@ _MOST_FILES = 1000
 _GROUP_KEYS = ("hosts", "vars", "children")
 
 
-def load(paths: Sequence[str], unnamed: Collection[str] = ()) -> Inventory:
+def load(paths: Sequence[str], unnamed: Collection[str] = (), *, run: bool = True) -> Inventory:
     """Read inventories; of two that say different things the later wins.
 
-    One of `unnamed` was not named by the user himself: it may not be a program, nor reach robots by one.
+    One of `unnamed` was not named by the user himself: no program, nor reached by one. Without `run`, none is run.
 
     Raises:
         DefinitionError: With everything that is wrong, in every file.
@@ -44,10 +44,11 @@ def load(paths: Sequence[str], unnamed: Collection[str] = ()) -> Inventory:
     if link := next(filter(None, map(way_out, unnamed)), ""):
         message = f"'{link}' is a link that leads out of this folder, and you did not name this inventory"
         raise DefinitionError([Diagnostic(Location(link), message, hint=_NAME_IT, code=Code.UNNAMED_INVENTORY)])
-    folders = tuple(dict.fromkeys(_folder(path) for path in paths))
+    folders = tuple(dict.fromkeys(_folder(path) for path in paths if not names_alone.are_names(path)))
     try:
+        names_alone.check_nothing_beside(paths, folders)
         with allowance(_MOST_BYTES, _MOST_VALUES):
-            tree = _tree(paths, folders, unnamed)
+            tree = _tree(paths, folders, unnamed, run=run)
             return _finish(tree, os.path.abspath(paths[0]) if paths else "", may_run=not unnamed)
     except DefinitionError as error:
         problems = [nodes.without_secrets(one) for one in error.problems]
@@ -55,13 +56,13 @@ def load(paths: Sequence[str], unnamed: Collection[str] = ()) -> Inventory:
         raise DefinitionError(hide_outside(problems, *told)) from None
 
 
-def _tree(paths: Sequence[str], folders: Sequence[str], unnamed: Collection[str]) -> HostTree:
+def _tree(paths: Sequence[str], folders: Sequence[str], unnamed: Collection[str], *, run: bool) -> HostTree:
     tree = HostTree()
     for path in paths:
         for part in files_of(path, tree):
             try:
                 _check_place(part, path if path in unnamed else "")
-                read_one(part, tree, may_run=part == path and path not in unnamed)
+                read_one(part, tree, may_run=run and part == path and path not in unnamed)
             except DefinitionError as error:
                 tree.findings.extend(error.problems)
     for folder in folders:
@@ -79,15 +80,15 @@ def _finish(tree: HostTree, source: str, *, may_run: bool) -> Inventory:
         groups = groups_of[name]
         shown = tuple(sorted(groups - {"all", "ungrouped"}))
         effective = tree.effective(tree.hosts[name], groups, depths, hostvars.READ)
-        hosts[name] = hostvars.host(name, effective, shown, tree.hosts[name].place, tree.findings)
-        one = hosts[name]
+        hosts[name] = one = hostvars.host(name, effective, shown, tree.hosts[name].place, tree.findings)
         if not may_run and (one.ssh_options or one.identity_file or one.connection == "local"):
             message = f"'{name}' has ssh options or a key, or is this machine, in an inventory that you did not name"
             tree.findings.add(tree.hosts[name].place, message, (), _NAME_IT, code=Code.UNNAMED_INVENTORY)
     if tree.findings.problems:
         raise DefinitionError(tree.findings.problems)
     by_group = {name: tuple(sorted(contained)) for name, contained in sorted(members.items())}
-    return Inventory(hosts=MappingProxyType(hosts), groups=MappingProxyType(by_group), source=source)
+    own, by_name = hostvars.own_files(_scopes(tree), hosts.values()), MappingProxyType(hosts)
+    return Inventory(hosts=by_name, groups=MappingProxyType(by_group), source=source, own_files=own, named=may_run)
 
 
 def _groups_of(hosts: Iterable[str], members: Mapping[str, Iterable[str]]) -> dict[str, set[str]]:
@@ -104,9 +105,8 @@ def _folder(path: str) -> str:
 
 def files_of(path: str, tree: HostTree) -> list[str]:
     """Return the inventory files that a path stands for, in name order for a folder."""
-    if "," in path and not os.path.exists(path):
-        names = [name.strip() for name in path.split(",") if name.strip()]
-        for name in names:
+    if names_alone.are_names(path):
+        for name in names_alone.split(path):
             tree.add_hosts(Scalar(Source(path), 1, 1, name), "ungrouped")
         return []
     if not os.path.isdir(path):
@@ -121,11 +121,12 @@ def read_one(path: str, tree: HostTree, *, may_run: bool) -> None:
     """Add one inventory file, whatever its kind; a program runs only when the user named this very file."""
     if script.is_program(path):
         if not may_run:
-            message = "is a program, and an inventory that you did not name yourself is not run"
+            message = "is a program, and only an inventory that you name yourself as one is run"
             raise DefinitionError([Diagnostic(Location(path), message, hint=_NAME_IT, code=Code.UNNAMED_INVENTORY)])
         script.read(path, tree)
         return
     text = loader.read_text(path)
+    names_alone.check_whole(path, text)
     significant = (line.strip() for line in text.splitlines())
     first = next((line for line in significant if line and line[0] not in "#;"), "")
     if path.endswith((".yml", ".yaml", ".json")) or (

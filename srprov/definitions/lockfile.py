@@ -17,6 +17,7 @@ from msgspec.structs import replace
 
 from srprov.codes import Code
 from srprov.definitions import images, paths, schema
+from srprov.definitions.own_lines import hide_own
 from srprov.definitions.values import text, texts
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc import loader
@@ -82,7 +83,9 @@ def load(path: str) -> Lock | None:
     try:
         return _load(path)
     except DefinitionError as error:
-        raise DefinitionError(paths.hide_outside(error.problems, paths.folder_of(path))) from None
+        folder = paths.folder_of(path)
+        # whoever names the EDF names its lock, too, and an archive may have given another file that name
+        raise DefinitionError(hide_own(paths.hide_outside(error.problems, folder), "", folder)) from None
 
 
 def _load(path: str) -> Lock:

@@ -20,8 +20,17 @@ from srprov.errors import Diagnostic, Location
 from srprov.secret import Secret, Vault
 
 _NOWHERE = Location("")
-VERSION_CONTROL = frozenset({".git", ".hg", ".svn", ".bzr", ".jj"})
-"""Folders in which version control keeps, beside a project's files, what is its user's: addresses with tokens."""
+VERSION_CONTROL = frozenset(
+    {
+        *(".git", ".hg", ".svn", ".bzr", ".jj", ".sl", ".pijul", "_darcs", "CVS", "_MTN"),
+        *(".fslckout", "_FOSSIL_", ".repo", ".dvc"),
+    }
+)
+"""Where version control keeps, beside a project's files, what is its user's: addresses with tokens.
+
+All those that Debian or their authors ship; the last two are for many repositories at once, and for data.
+"""
+VERSION_CONTROL_IN_ANY_CASE = frozenset(map(str.casefold, VERSION_CONTROL))
 
 
 def makes_repository(name: str, *, folder: bool) -> bool:
@@ -30,7 +39,7 @@ def makes_repository(name: str, *, folder: bool) -> bool:
     Settings of one name programs, which run here as soon as git is asked for its status, as many prompts of shells do.
     A folder with a file `HEAD` may be one by itself; a disk may take names in any case.
     """
-    return name.casefold() in VERSION_CONTROL or (name.casefold() == "head" and not folder)
+    return name.casefold() in VERSION_CONTROL_IN_ANY_CASE or (name.casefold() == "head" and not folder)
 
 
 def repository_in(parts: Sequence[str], *, folder: bool, first: int = 0) -> int | None:
@@ -40,6 +49,10 @@ def repository_in(parts: Sequence[str], *, folder: bool, first: int = 0) -> int 
     """
     every = range(first, len(parts))
     return next((at for at in every if makes_repository(parts[at], folder=folder or at < every[-1])), None)
+
+
+EXPORTED = "srprov-"
+"""What stands before an experiment's name where it is exported: as `nav`, it would be given what others call so."""
 
 
 class Host(msgspec.Struct, frozen=True, kw_only=True):
@@ -80,6 +93,10 @@ class Inventory(msgspec.Struct, frozen=True, kw_only=True):
     hosts: Mapping[str, Host]
     groups: Mapping[str, tuple[str, ...]]
     source: str = ""
+    own_files: tuple[str, ...] = ()
+    """Real paths of files with passwords, and of keys: the user's own, also where they lie beside an EDF."""
+    named: bool = True
+    """Whether the user named all files of it himself; else a stranger's project may have put robots into groups."""
 
 
 class Service(msgspec.Struct, frozen=True, kw_only=True):
@@ -180,6 +197,8 @@ class Experiment(msgspec.Struct, frozen=True, kw_only=True):
     """Those that come with the EDF, in its order."""
     outside: tuple[tuple[str, str], ...] = ()
     """(service, path of the controller) of what it reads or ships from outside of its folder."""
+    read_outside: frozenset[str] = frozenset()
+    """Those of these paths that were read: records have them, whether or not the service is wanted."""
     files: tuple[str, ...] = ()
     """Absolute paths of the EDF, its CDFs, env_files and playbooks, but for what comes from git repositories."""
     contents: Mapping[str, bytes] = msgspec.field(default_factory=lambda: MappingProxyType({}))
@@ -188,6 +207,8 @@ class Experiment(msgspec.Struct, frozen=True, kw_only=True):
     """(service, address, branch, tag or commit) of its CDFs in git repositories, those that are extended too."""
     environment: tuple[tuple[str, str], ...] = ()
     """(service, variable) of what it takes from the controller's environment."""
+    variables: tuple[str, ...] = ()
+    """All variables without which it cannot be read, those of services that are not wanted too."""
     same_robot: tuple[tuple[str, ...], ...] = ()
     different_robot: tuple[tuple[str, ...], ...] = ()
     """Groups of which no two services run on one robot."""

@@ -9,6 +9,7 @@ also inside a folder.
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import stat
 from collections.abc import Callable, Collection, Iterator
@@ -60,10 +61,15 @@ def _is_below(real: str, root: str) -> bool:
 def link_out(path: str) -> str:
     """Return the first link named in a relative path that leads out of the folder in which it lies, or nothing.
 
-    With a project that was cloned come links of a stranger's: what a user means by a name in it lies there. A path from
-    the root is taken as it is.
+    With a project that was cloned come links of a stranger's: what a user means by a name in it lies there, and not in
+    what version control keeps. A path from the root is taken as it is.
     """
-    return next((one for one in regular_file.links_in(path) if not inside(one, os.path.dirname(one))), "")
+    return next((one for one in regular_file.links_in(path) if not _is_open(one, os.path.dirname(one))), "")
+
+
+def _is_open(path: str, folder: str) -> bool:
+    """Return whether a path, links followed, lies in a folder, and not in what version control keeps there."""
+    return inside(path, folder) and not is_kept(os.path.realpath(path), os.path.realpath(folder))
 
 
 def refuse_link_out(path: str, named: str = "", about: str = "") -> None:
@@ -79,7 +85,8 @@ def refuse_link_out(path: str, named: str = "", about: str = "") -> None:
     """
     if link := link_out(path):
         hint = f"if you mean what it leads to, name that: {named}{os.path.realpath(path)}"
-        raise UsageError(f"{about}{link} is a link that leads out of its folder", hint=hint, code=Code.STRANGE_FILE)
+        where = "leads out of its folder" if not inside(link, os.path.dirname(link)) else "leads into a repository"
+        raise UsageError(f"{about}{link} is a link that {where}", hint=hint, code=Code.STRANGE_FILE)
 
 
 def way_out(path: str) -> str:
@@ -97,13 +104,16 @@ def hide_outside(problems: Collection[Diagnostic], *folders: str) -> list[Diagno
 
     Of such a file one problem is left, which says nothing but that there is one.
     """
+    is_open = functools.cache(lambda file: any(_is_open(file, folder) for folder in folders))
     shown = []
     for one in problems:
         file = os.path.abspath(one.location.file)
-        if not one.location.file or any(inside(file, folder) for folder in folders):
+        if not one.location.file or is_open(file):
             shown.append(one)
         else:
-            message = f"is not valid; what is wrong is not shown of a file outside of {_name(folders[0])}"
+            where = f"outside of {_name(folders[0])}"
+            where = "that version control keeps" if any(inside(file, one) for one in folders) else where
+            message = f"is not valid; what is wrong is not shown of a file {where}"
             hint = f"see `srprov validate {os.path.realpath(file)}`, or copy it into the folder"
             shown.append(Diagnostic(Location(one.location.file), message, hint=hint, code=Code.OUTSIDE))
     return list(dict.fromkeys(shown))

@@ -21,6 +21,7 @@ from srprov.definitions import ranges
 from srprov.definitions.model import Inventory
 from srprov.definitions.paths import refuse_link_out
 from srprov.errors import UsageError, did_you_mean
+from srprov.names import few
 
 _SUBSCRIPT = re.compile(r"(?P<name>.+)\[(?:(?P<one>-?[0-9]+)|(?P<first>[0-9]*)[:-](?P<last>[0-9]*))\]", re.ASCII)
 
@@ -183,9 +184,5 @@ def _part(hosts: list[str], match: re.Match[str]) -> list[str]:
 
 
 def _known(inventory: Inventory) -> str:
-    hosts, groups = (
-        ", ".join(list(inventory.hosts)[:20]),
-        ", ".join(name for name in inventory.groups if name != "ungrouped"),
-    )
-    more = f" and {len(inventory.hosts) - 20} more" if len(inventory.hosts) > 20 else ""
-    return f"hosts: {hosts or 'none'}{more}; groups: {groups}"
+    groups = ", ".join(name for name in inventory.groups if name != "ungrouped")
+    return f"hosts: {few(list(inventory.hosts), 20) or 'none'}; groups: {groups}"

@@ -8,6 +8,7 @@ from __future__ import annotations
 from srprov.codes import Code
 from srprov.definitions.model import Experiment, Inventory
 from srprov.errors import Diagnostic, did_you_mean
+from srprov.names import few
 
 _SHOWN = 12
 
@@ -30,6 +31,4 @@ def unknown_pins(experiment: Experiment, inventory: Inventory) -> tuple[Diagnost
 def _hint(wanted: str, inventory: Inventory) -> str:
     if suggestion := did_you_mean(wanted, inventory.hosts):
         return suggestion
-    names = list(inventory.hosts)
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    return f"it has: {', '.join(names[:_SHOWN])}{more}"
+    return f"it has: {few(list(inventory.hosts), _SHOWN)}"

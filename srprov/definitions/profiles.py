@@ -106,7 +106,8 @@ def _without(experiment: Experiment, off: _Off) -> Experiment:
         same_robot=groups(experiment.same_robot),
         different_robot=groups(experiment.different_robot),
         pools=tuple(pool for pool in pools if len(pool.services) > 1),
-        outside=tuple(one for one in experiment.outside if one[0] not in off),
+        # what was read of an unwanted one a record has, and then a bundle
+        outside=tuple(one for one in experiment.outside if one[0] not in off or one[1] in experiment.read_outside),
         remote=tuple(one for one in experiment.remote if one[0] not in off),
         environment=tuple(one for one in experiment.environment if one[0] not in off),
         trials=_trials(experiment.trials, off) if experiment.trials else None,

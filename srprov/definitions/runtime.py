@@ -16,6 +16,7 @@ from srprov.definitions import merging, mounts, values
 from srprov.definitions.containermodel import EVERYWHERE, HealthCheck, Logging, Port, Runtime
 from srprov.definitions.hostnames import extra_hosts
 from srprov.definitions.values import Device, flag, guarded, scalars, text, text_map, texts
+from srprov.names import label_fault
 from srprov.yamldoc import nodes
 from srprov.yamldoc.fields import size_in_bytes
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar
@@ -35,7 +36,6 @@ RUNTIME_FIELDS = merging.RUNTIME_MERGED | {
         "runtime",
     ),
 }
-LABELS_OF_OURS = "srprov"
 _T = TypeVar("_T")
 
 
@@ -163,10 +163,10 @@ def _labels(node: Node | None, findings: Findings, path: Path) -> Mapping[str, s
     found = text_map(node)
     for name in found:
         assert isinstance(node, Map)
-        if name == LABELS_OF_OURS or name.startswith(f"{LABELS_OF_OURS}."):
+        if wrong := label_fault(name):
             findings.add(
                 node.keys[name],
-                f"the label '{name[:60]}' is srprov's own",
+                wrong,
                 (*path, name),
                 "take another name",
                 code=Code.NAME,

@@ -9,6 +9,18 @@ import msgspec
 from srprov.errors import Location
 
 _NOWHERE = Location("")
+_GONE_BY = frozenset({
+    "HOME", "PATH", "TMPDIR", "TEMP", "TMP", "USER", "LOGNAME", "LNAME", "USERNAME", "SUDO_UID", "PKEXEC_UID",
+    "SSH_AUTH_SOCK", "DOCKER_HOST", "TERM", "NO_COLOR",
+})  # fmt: skip
+
+
+def is_gone_by(variable: str) -> bool:
+    """Return whether srprov itself goes by a variable: where it keeps what it knows, who its user is.
+
+    None is a secret. As the variable of one it would leave the environment, and what is kept would lie elsewhere.
+    """
+    return variable in _GONE_BY or variable.startswith(("XDG_", "SRPROV_"))
 
 
 class SecretSource(msgspec.Struct, frozen=True, kw_only=True):

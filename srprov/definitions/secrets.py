@@ -18,7 +18,7 @@ from srprov.codes import Code
 from srprov.definitions import values
 from srprov.definitions.containermodel import Mount
 from srprov.definitions.model import Service
-from srprov.definitions.secretmodel import SecretSource, SecretUse
+from srprov.definitions.secretmodel import SecretSource, SecretUse, is_gone_by
 from srprov.definitions.values import text
 from srprov.errors import did_you_mean
 from srprov.yamldoc import nodes
@@ -44,7 +44,11 @@ def sources(root: Map, folder: str, findings: Findings) -> Mapping[str, SecretSo
 
 
 def _source(name: str, key: Scalar, entry: Map, folder: str, findings: Findings) -> SecretSource:
-    file, command = entry.entries.get("file"), entry.entries.get("command")
+    file, command, env = entry.entries.get("file"), entry.entries.get("command"), entry.entries.get("env")
+    if env is not None and is_gone_by(text(env)):
+        hint = "give the secret a variable of its own"
+        message = f"'{text(env)[:60]}' is a variable that srprov itself goes by, and no secret"
+        findings.add(env, message, ("secrets", name, "env"), hint, code=Code.SECRET)
     words: tuple[str, ...] = ()
     if command is not None:
         try:
@@ -56,7 +60,7 @@ def _source(name: str, key: Scalar, entry: Map, folder: str, findings: Findings)
     place = next((value for part, value in entry.entries.items() if not part.startswith("x-")), key)
     return SecretSource(
         name=name,
-        env=text(entry.entries.get("env")),
+        env=text(env),
         file=_real(folder, text(file)) if file is not None else "",
         command=words,
         folder=folder,

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
+from srprov.regular_file import WHOLE
+
 EXPERIMENT = """\
 # An experiment: the services that run on your robots. `srprov schema edf` explains every field.
 edf: 1
@@ -66,9 +68,10 @@ while :; do
     sleep 1 & wait $!
 done
 """
-INVENTORY = """\
+INVENTORY = f"""\
 # Your robots, as in Ansible's inventories. These addresses belong to nobody: put yours in their place.
 # `srprov doctor -i inventory.yml` says what each robot lacks.
+{WHOLE}
 all:
   hosts:
     robot1:

@@ -8,6 +8,7 @@ that a bundle holds is run.
     session        one session of a run, from its record
     story          a run, from all of its files
     private_words  addresses, hosts and users of the lab, and what stands for them
+    public_words   what no robot's name for itself takes the place of
     secrets        what must not leave the house
     crate          what there is, as an RO-Crate says it; crate_*: its parts
     papers         README

@@ -13,8 +13,9 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from srprov.evidence.citation import CITATION, LICENSE, LICENSES, authors, given
-from srprov.evidence.crate_base import Told, ended_utc, utc
+from srprov.evidence.crate_base import Told, ended_utc, of_robot, utc
 from srprov.evidence.deposits import DATACITE, ZENODO, instruments
+from srprov.names import few
 from srprov.trials.judge import COUNTED
 from srprov.untrusted import decimal, mapping, string
 
@@ -82,8 +83,7 @@ def _descriptions(told: Told) -> str:
     missing = [name for name, description in every if not description]
     if not missing:
         return "the EDF describes the experiment, each parameter and each metric"
-    more = f" and {len(missing) - _MOST_SHOWN} more" * (len(missing) > _MOST_SHOWN)
-    return f"{_AUTHORS}: the EDF has no description of {', '.join(missing[:_MOST_SHOWN])}{more}"
+    return f"{_AUTHORS}: the EDF has no description of {few(missing, _MOST_SHOWN)}"
 
 
 def _images(told: Told) -> str:
@@ -113,12 +113,12 @@ def _shortest(told: Told) -> str:
 
 def _systems(told: Told) -> str:
     robots = [mapping(one) for _, one in sorted(mapping(told.facts.get("robots")).items())]
-    kinds = sorted({f"{string(one.get('os'))}, {string(one.get('arch'))}, Docker {_docker(one)}" for one in robots})
+    kinds = sorted({f"{of_robot(one.get('os'))}, {of_robot(one.get('arch'))}, Docker {_docker(one)}" for one in robots})
     return "; ".join(kinds[:_MOST_SHOWN]) + (f"; {len(kinds) - _MOST_SHOWN} more" if kinds[_MOST_SHOWN:] else "")
 
 
 def _docker(one: Mapping[str, Any]) -> str:
-    return string(mapping(one.get("docker")).get("version")) or "unknown"
+    return of_robot(mapping(one.get("docker")).get("version")) or "unknown"
 
 
 def _reusable(told: Told) -> Rows:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 from urllib.parse import quote
@@ -15,6 +16,7 @@ from srprov.untrusted import string
 Entity = dict[str, Any]
 MOST_LISTED = 2000
 """Files that are listed one by one; with more, those of trials are not, since the manifest names every file."""
+_MARKS = re.compile(r"[\\`*\[\]<>|]")
 
 
 class Told(msgspec.Struct, frozen=True, kw_only=True):
@@ -51,6 +53,14 @@ def refs(names: Iterable[str]) -> list[Entity]:
 def file_id(name: str) -> str:
     """Return a file's identifier: its path, with what no URI has as `%XX`."""
     return quote(name, safe="/!$&'()*+,;=@-._~")
+
+
+def of_robot(text: object) -> str:
+    """Return what a robot says of itself without what would be a link, a picture, HTML or a cell in Markdown.
+
+    No honest robot has such a mark there, so the same run is described as before.
+    """
+    return _MARKS.sub("/", string(text))
 
 
 def utc(text: object) -> str:

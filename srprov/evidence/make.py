@@ -33,6 +33,7 @@ from srprov.evidence.files import (
 )
 from srprov.evidence.images import SBOMS
 from srprov.evidence.private_words import Replacer, Words, collect
+from srprov.evidence.public_words import PublicWords
 from srprov.evidence.redacted import HARDWARE, is_as_it_came, redacted
 from srprov.record.runs import trials_run
 from srprov.untrusted import mapping
@@ -216,11 +217,11 @@ class _One(msgspec.Struct, frozen=True):
 
 
 def _words(files: Files) -> Words:
-    words = Words()
+    words, public = Words(), PublicWords(files)
     for home in sessions(files):
         names = ("facts.json", "inputs/inventory.yml", "environment.json", HARDWARE, "inputs.json")
         found = (json_of(files, f"{home}/{name}") for name in names)
-        collect(words, *found)
+        collect(words, public.may_hide, *found)
     return words
 
 

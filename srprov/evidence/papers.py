@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 
-from srprov.evidence.crate_base import Told, ended_utc
+from srprov.evidence.crate_base import Told, ended_utc, of_robot
 from srprov.evidence.crate_images import in_words
 from srprov.evidence.files import MANIFEST, SIGNATURE
 from srprov.evidence.images import has_images
@@ -105,17 +105,17 @@ def _robots(told: Told) -> str:
     lines = ["| robot | processor | cores | memory | system | kernel | Docker |", "|---|---|---|---|---|---|---|"]
     for name, found in sorted(mapping(told.facts.get("robots")).items()):
         one = mapping(found)
-        processor = string(one.get("processor")) or string(one.get("arch"))
+        processor = of_robot(one.get("processor")) or of_robot(one.get("arch"))
         memory = f"{int(one.get('memory_total') or 0) >> 20} MiB"
-        docker = string(mapping(one.get("docker")).get("version"))
+        docker = of_robot(mapping(one.get("docker")).get("version"))
         cells = (
-            name,
+            of_robot(name),
             processor,
             str(one.get("cpus")),
             memory,
-            string(one.get("os")),
-            string(one.get("kernel")),
+            of_robot(one.get("os")),
+            of_robot(one.get("kernel")),
             docker,
         )
-        lines.append("| " + " | ".join(cell.replace("|", "/") for cell in cells) + " |")
+        lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)

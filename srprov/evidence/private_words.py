@@ -12,7 +12,7 @@ from __future__ import annotations
 import ipaddress
 import posixpath
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -109,13 +109,15 @@ class Replacer:
 
 
 def collect(
-    words: Words, facts: Mapping[str, Any], inventory: Mapping[str, Any], environment: Mapping[str, Any],
-    hardware: Mapping[str, Any], inputs: Mapping[str, Any],
+    words: Words, may_hide: Callable[[str], bool], facts: Mapping[str, Any], inventory: Mapping[str, Any],
+    environment: Mapping[str, Any], hardware: Mapping[str, Any], inputs: Mapping[str, Any],
 ) -> None:  # fmt: skip
-    """Add the private words of a session, in an order that follows from the files alone."""
-    names = mapping(facts.get("robots"))
-    for robot, one in sorted(names.items()):
-        _of_robot(words, robot, mapping(one), names)
+    """Add the private words of a session, in an order that follows from the files alone.
+
+    `may_hide` tells whether what a robot says is its name means nothing else in the bundle.
+    """
+    for robot, one in sorted(mapping(facts.get("robots")).items()):
+        _of_robot(words, robot, mapping(one), may_hide)
     for robot, host in sorted(_hosts(inventory)):
         address = string(host.get("ansible_host"))
         words.address(address)
@@ -134,7 +136,7 @@ def collect(
             words.add("folder", posixpath.normpath(f"{folder}/{path}"), f"/experiment/{path}")
 
 
-def _of_robot(words: Words, robot: str, one: Mapping[str, Any], names: Collection[str]) -> None:
+def _of_robot(words: Words, robot: str, one: Mapping[str, Any], may_hide: Callable[[str], bool]) -> None:
     for text in (*_addresses(one), *strings(one.get("routes")), *strings(one.get("relies_on"))):
         words.address(text)
     for line in strings(one.get("hosts")):
@@ -145,7 +147,7 @@ def _of_robot(words: Words, robot: str, one: Mapping[str, Any], names: Collectio
         if _MAC.fullmatch(mac) and not _OWN.fullmatch(mac):
             words.add("mac", mac.lower())
     host = string(one.get("hostname"))
-    if len(host) >= SHORTEST and host not in names:  # as after a replay with robots' parts swapped: it tells nothing
+    if len(host) >= SHORTEST and may_hide(host):
         words.add("hostname", host, robot)
 
 

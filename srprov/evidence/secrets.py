@@ -23,7 +23,7 @@ _PATTERNS = {
     "a password": (
         r"(?i)(?:password|passwd|passphrase|\bpsk)[\"']?\s{0,3}[=:]\s{0,3}[\"']?([^\s\"'{}\[\]()<>$*,;]{6,100})"
     ),
-    "a password in an address": r"\b[a-z][a-z0-9+.-]{1,20}://[^\s/:@\"']{1,100}:([^\s/@\"'*]{4,100})@",
+    "a password in an address": r"\b[a-z][a-z0-9+.-]{1,20}://[^\s/:@\"']{1,100}:([^\s/@\"*]{4,100})@",
 }
 _WORDS = frozenset({b"unknown", b"required", b"missing", b"optional"})
 """What stands for a password where there is none."""

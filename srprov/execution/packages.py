@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping
 
 from srprov.errors import TransportError
 from srprov.modules.container import ContainerModule
-from srprov.modules.container_commands import remove
+from srprov.modules.container_commands import NOT_OF_COMPOSE, remove
 from srprov.modules.container_leftover import BUILD, LISTING
 from srprov.session import Session
 from srprov.untrusted import json_or_none, mapping, mappings, string, text
@@ -95,7 +95,7 @@ def _container(session: Session, image_id: str) -> Iterator[str]:
         "Entrypoint": ["/bin/sh", "-c", _SCRIPT],
         "Cmd": [],
         "WorkingDir": "/",
-        "Labels": {"srprov.instance": BUILD},
+        "Labels": {"srprov.instance": BUILD, **NOT_OF_COMPOSE},
         "Healthcheck": {"Test": ["NONE"]},
         "HostConfig": _HOST,
     }

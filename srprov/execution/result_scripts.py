@@ -5,7 +5,7 @@ from __future__ import annotations
 import posixpath
 import re
 
-from srprov.execution.sandbox import MISSING, NO_SANDBOX, sandboxed
+from srprov.sandbox import MISSING, NO_SANDBOX, NOT_CLOSED, sandboxed
 from srprov.wire import quote
 
 _LED_OUT, _NO_TOOLS = 45, 46
@@ -13,7 +13,7 @@ WHY = {
     MISSING: "it is gone",
     _LED_OUT: "a link leads out of its folder",
     _NO_TOOLS: "GNU find and sha256sum are needed there",
-    NO_SANDBOX: "its folder cannot be closed off from the robot's other files; unshare and mount of util-linux do that",
+    NO_SANDBOX: NOT_CLOSED,
 }
 """Exit statuses with a meaning of their own."""
 LIST = (

@@ -43,7 +43,7 @@ _ABOUT = dict.fromkeys(("description", "authors", "license"), (ADAPTED, _README)
 EDF: Table = MappingProxyType(
     {
         "edf": (DROPPED, "a Compose file has no version"),
-        "name": (EXACT, "the project's name"),
+        "name": (EXACT, "the project's name, srprov-NAME"),
         **_ABOUT,
         **dict.fromkeys(("doi", "notes"), (ADAPTED, _README)),
         "services.*.cdf": (ADAPTED, "`build`, with a folder in build/; or the image that the CDF names"),

@@ -25,7 +25,7 @@ from srprov.network.layout import ON_OVERLAY
 from srprov.network.model import Overlay
 
 _PLAIN = Runtime()
-_TAG_LENGTH = 16
+_TAG_LENGTH = 32
 
 
 class Shipped(msgspec.Struct, frozen=True, kw_only=True):

@@ -12,8 +12,9 @@ from itertools import chain
 
 from msgspec.structs import replace
 
-from srprov.definitions.model import Experiment, Service
-from srprov.errors import DefinitionError
+from srprov.codes import Code
+from srprov.definitions.model import EXPORTED, Experiment, Service
+from srprov.errors import DefinitionError, UsageError
 from srprov.exporting.images import Built, built
 from srprov.exporting.model import Export, File, Machine, Need, Part
 from srprov.exporting.mounts import Shipping
@@ -80,7 +81,7 @@ def _machine(wanted: Wanted, machine: Machine, reach: Reach, images: Mapping[str
     mounts = [mount for one in services for mount in one.runtime.mounts]
     volumes: dict[str, object] = {mount.source: {} for mount in mounts if mount.kind == "volume" and not mount.seed}
     document = {
-        "name": experiment.name,
+        "name": f"{EXPORTED}{experiment.name}",
         "services": {name: part.document for name, part in parts.items()},
         "x-srprov": _for_imports(experiment, reach, services),
         "networks": {"default": dict(reach.network)} if reach.network else {},
@@ -145,8 +146,13 @@ def _secrets(experiment: Experiment, machine: Machine) -> Part:
 
 
 def _unique(files: Iterable[File]) -> tuple[File, ...]:
-    """Return each file once, in the order of their paths; what is shipped to two services is one file."""
+    """Return each file once, in the order of their paths; what is shipped to two services is one file.
+
+    Raises:
+        UsageError: Two that differ have one path; the one that were left would be mounted in the other's place.
+    """
     found: dict[str, File] = {}
     for one in files:
-        found.setdefault(one.path, one)
+        if found.setdefault(one.path, one) != one:
+            raise UsageError(f"{one.path} cannot be copied: it changed while it was read", code=Code.NO_FILE)
     return tuple(found[path] for path in sorted(found))

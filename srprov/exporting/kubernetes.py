@@ -21,7 +21,15 @@ from srprov.exporting import cluster
 from srprov.exporting.images import built
 from srprov.exporting.kubernetes_classes import CDF, EDF
 from srprov.exporting.kubernetes_files import Mounted, Mounting
-from srprov.exporting.kubernetes_pod import ENVIRONMENT, LABEL, container, filled, pod_remarks, pod_settings
+from srprov.exporting.kubernetes_pod import (
+    ENVIRONMENT,
+    LABEL,
+    container,
+    filled,
+    namespace_of,
+    pod_remarks,
+    pod_settings,
+)
 from srprov.exporting.kubernetes_policy import policies, services_of
 from srprov.exporting.kubernetes_script import APPLY, BUILD, apply_script, build_script
 from srprov.exporting.model import ADAPTED, EXACT, REFUSED, Export, File, Need, Remark
@@ -84,7 +92,8 @@ def export(wanted: Wanted) -> Export:
 
 
 def _readme(experiment: Experiment, done: Export, used: Collection[str]) -> File:
-    return File(path=_README, content=readme(experiment, done, _start(done, used)).encode())
+    start = _start(done, namespace_of(experiment), used)
+    return File(path=_README, content=readme(experiment, done, start).encode())
 
 
 def _check_names(experiment: Experiment, services: Iterable[Service]) -> None:
@@ -95,11 +104,6 @@ def _check_names(experiment: Experiment, services: Iterable[Service]) -> None:
     ]
     if not LABEL.fullmatch(experiment.name):
         words = "cannot be exported: a namespace's name starts and ends with a letter or digit"
-        problems.append(
-            Diagnostic(next(iter(experiment.services.values())).location, words, "name", code=Code.NOT_TRANSLATED)
-        )
-    elif experiment.name == "default" or experiment.name.startswith("kube-"):
-        words = "cannot be exported: a namespace of this name is Kubernetes' own"
         problems.append(
             Diagnostic(next(iter(experiment.services.values())).location, words, "name", code=Code.NOT_TRANSLATED)
         )
@@ -168,7 +172,7 @@ def _before(
     experiment: Experiment, services: Mapping[str, Service], mounted: Collection[Mounted]
 ) -> Iterator[dict[str, Any]]:
     """Yield all that workloads need: the namespace, policies, Services, files."""
-    yield {"apiVersion": "v1", "kind": "Namespace", "metadata": {"name": experiment.name}}
+    yield {"apiVersion": "v1", "kind": "Namespace", "metadata": {"name": namespace_of(experiment)}}
     yield from policies(services)
     yield from services_of(services)
     maps = {one["metadata"]["name"]: one for part in mounted for one in part.maps}
@@ -180,7 +184,7 @@ def _documents(path: str, experiment: Experiment, some: Iterable[Mapping[str, An
     texts = []
     for one in some:
         meta: dict[str, Any] = dict(one["metadata"])
-        place = {} if one["kind"] == "Namespace" else {"namespace": experiment.name}
+        place = {} if one["kind"] == "Namespace" else {"namespace": namespace_of(experiment)}
         labels = {"srprov.instance": experiment.name, **meta.pop("labels", {})}
         texts.append(writer.document({**one, "metadata": {**meta, **place, "labels": labels}}))
     head = f"# {experiment.name}; made by srprov export kubernetes.\n"
@@ -196,13 +200,13 @@ def _variables(wanted: Wanted, services: Sequence[Service]) -> Iterator[Need]:
     for name in cluster.open_names(wanted, services):
         what = (
             f"Its value, in the Secret '{ENVIRONMENT}': `kubectl create secret generic {ENVIRONMENT} "
-            f"-n {wanted.definitions.experiment.name} --from-literal={shlex.quote(name)}=…`, with all such "
+            f"-n {namespace_of(wanted.definitions.experiment)} --from-literal={shlex.quote(name)}=…`, with all such "
             "variables at once."
         )
         yield Need(kind="variable", name=name, what=what)
 
 
-def _start(done: Export, used: Collection[str]) -> Iterator[str]:
+def _start(done: Export, namespace: str, used: Collection[str]) -> Iterator[str]:
     yield from ("## Start", "")
     yield "The nodes of the cluster have the robots' names as their label `kubernetes.io/hostname`:"
     yield ""
@@ -214,7 +218,7 @@ def _start(done: Export, used: Collection[str]) -> Iterator[str]:
         yield "that the nodes know, with its name before theirs here and in the manifests; or load them into a node:"
         yield from ("", "    docker save IMAGE | ssh NODE ctr -n k8s.io images import -", "")
     yield "Then"
-    yield from ("", f"    ./{APPLY}", "", f"and to end it `kubectl delete namespace {done.experiment}`.", "")
+    yield from ("", f"    ./{APPLY}", "", f"and to end it `kubectl delete namespace {namespace}`.", "")
     yield "Services start level by level: apply.sh waits until what others need is there, for five minutes each."
     yield "Policies hold where the cluster's network holds to them."
     yield ""

@@ -76,7 +76,7 @@ EDF: Table = MappingProxyType(
     {
         **classes.EDF,
         "edf": (DROPPED, "manifests have versions of their own"),
-        "name": (EXACT, "the namespace"),
+        "name": (EXACT, "the namespace, srprov-NAME"),
         "services.*.cdf": (
             ADAPTED,
             "`image`; build.sh builds it from its folder in build/, and the nodes must be given it",

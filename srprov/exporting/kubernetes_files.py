@@ -14,6 +14,7 @@ import msgspec
 from srprov.definitions.containermodel import Mount
 from srprov.definitions.model import Experiment, Service
 from srprov.exporting import cluster
+from srprov.exporting.kubernetes_pod import namespace_of
 from srprov.exporting.model import REFUSED, Need, Remark
 from srprov.exporting.wanted import Wanted
 from srprov.network.discovery import FOLDER
@@ -97,7 +98,7 @@ class Mounting(msgspec.Struct, frozen=True, kw_only=True):
         if alone:
             items[0]["path"] = posixpath.basename(target)
         said = repr((sorted(text.items()), sorted(binary.items()), items))
-        name = f"files-{hashlib.sha256(said.encode()).hexdigest()[:16]}"
+        name = f"files-{_hash(said)}"
         made = {
             "apiVersion": "v1",
             "kind": "ConfigMap",
@@ -116,8 +117,8 @@ class Mounting(msgspec.Struct, frozen=True, kw_only=True):
         name = _name("secret", target)
         last = posixpath.basename(target)
         what = (
-            f"`kubectl create secret generic {secret_name(source)} -n {self.experiment.name} --from-file=value=FILE`, "
-            "after the namespace."
+            f"`kubectl create secret generic {secret_name(source)} -n {namespace_of(self.experiment)} "
+            "--from-file=value=FILE`, after the namespace."
         )
         items = [{"key": "value", "path": last, "mode": mode}]
         return Mounted(
@@ -131,7 +132,7 @@ def secret_name(source: str) -> str:
     """Return the name of a Secret: names of the EDF may have letters that Kubernetes does not take."""
     plain = re.sub(r"[^a-z0-9-]", "-", source.lower()).strip("-")
     same = plain == source
-    return f"secret-{plain}" if same else f"secret-{plain}-{hashlib.sha256(source.encode()).hexdigest()[:8]}"
+    return f"secret-{plain}" if same else f"secret-{plain}-{_hash(source)}"
 
 
 def _folder(path: str, kind: str, mount: Mount) -> Mounted:
@@ -155,4 +156,9 @@ def _memory(target: str, size: str) -> Mounted:
 
 def _name(kind: str, of: str) -> str:
     """Return the name of a pod's volume: a DNS label."""
-    return f"{kind}-{hashlib.sha256(of.encode()).hexdigest()[:12]}"
+    return f"{kind}-{_hash(of)}"
+
+
+def _hash(text: str) -> str:
+    """Return 128 bits: with fewer, who writes an EDF finds two paths of one name, and one is mounted for the other."""
+    return hashlib.sha256(text.encode()).hexdigest()[:32]

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from srprov.definitions.containermodel import EVERYWHERE, HealthCheck, Runtime
-from srprov.definitions.model import Service
+from srprov.definitions.model import EXPORTED, Experiment, Service
 from srprov.exporting import cluster
 from srprov.exporting.kubernetes_classes import CANNOT
 from srprov.exporting.model import REFUSED, Remark
@@ -28,6 +28,15 @@ _MEANS = re.compile(r"\$(?=[$(])")
 _NO_FIELD = "a pod has no such field, but for"
 LABEL = re.compile(r"[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?")
 """What names of pods, Services, hosts and namespaces may be: a DNS label, RFC 1123."""
+
+
+def namespace_of(experiment: Experiment) -> str:
+    """Return the namespace of an experiment, in which nobody looks for anything else.
+
+    Pods of a whole cluster look for `github.com` as the Service `github` of a namespace `com` first, and a stranger's
+    experiment is called as he likes.
+    """
+    return f"{EXPORTED}{experiment.name}"
 
 
 def container(

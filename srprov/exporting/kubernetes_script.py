@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from srprov.definitions.model import Experiment
+from srprov.exporting.kubernetes_pod import namespace_of
 from srprov.exporting.swarm_script import BUILD, build_script
 
 APPLY = "apply.sh"
 _WHOSE = r"""
 # an experiment of a stranger's may have any name: what it brings closes its namespace to others
 if whose=$(kubectl get namespace "$namespace" -o 'jsonpath={.metadata.labels.srprov\.instance}' 2>/dev/null) &&
-    [ "$whose" != "$namespace" ]; then
+    [ "$whose" != "$instance" ]; then
     echo "the namespace $namespace is there, and no experiment of that name made it: give the experiment" >&2
-    echo "another name, or if it is meant: kubectl label namespace $namespace srprov.instance=$namespace" >&2
+    echo "another name, or if it is meant: kubectl label namespace $namespace srprov.instance=$instance" >&2
     exit 1
 fi
 """
@@ -47,7 +48,8 @@ await() {
 def apply_script(experiment: Experiment, levels: Sequence[Sequence[str]]) -> str:
     """Return a script that applies each level's file when what it needs is there."""
     lines = ["#!/bin/sh", f"# Starts {experiment.name} on a Kubernetes cluster, by kubectl as it is configured."]
-    lines += ['set -eu; cd "$(dirname "$0")"', f"namespace={experiment.name}", 'limit="${LIMIT:-300}"']
+    lines += ['set -eu; cd "$(dirname "$0")"', f"instance={experiment.name}", f"namespace={namespace_of(experiment)}"]
+    lines.append('limit="${LIMIT:-300}"')
     if len(levels) > 1:
         lines.append(_AWAIT.rstrip("\n") + "\n")
     lines += [_WHOSE.strip("\n"), "kubectl apply -f 00-namespace.yaml"]

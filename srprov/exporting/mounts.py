@@ -2,6 +2,9 @@
 
 A relative path of the EDF is copied into the export and mounted read-only, as srprov ships it. A volume with a seed
 becomes a folder of the export that holds the seed and is writable; Compose can fill no volume from a folder.
+
+`files/` is laid out as the experiment's folder is, so that one place is nested in another only where its source is: a
+link that was copied for one mount is never on the way of another one, which an engine would follow on its machine.
 """
 
 from __future__ import annotations
@@ -17,7 +20,7 @@ from msgspec.structs import replace
 
 from srprov.codes import Code
 from srprov.definitions.containermodel import Mount, Seed
-from srprov.definitions.model import Experiment, Service
+from srprov.definitions.model import VERSION_CONTROL, Experiment, Service
 from srprov.errors import UsageError
 from srprov.exporting.model import ADAPTED, File, Machine, Need, Part, Remark
 from srprov.exporting.text import Raw
@@ -101,7 +104,7 @@ class Shipping(msgspec.Struct, frozen=True, kw_only=True):
     def _shipped(self, service: Service, mount: Mount) -> Part:
         if mount.url:
             return self._downloaded(service, mount)
-        place = self._place(f"files/{self._relative(mount.source)}", mount.source)
+        place = self._place(self._wanted(mount.source), mount.source)
         document = {"volume": _long("bind", f"./{self._local(place)}", replace(mount, read_only=True))}
         if (files := self._copied(place, mount.source, may_be_large=mount.kind == "data")) is not None:
             return Part(document=document, files=files)
@@ -114,12 +117,14 @@ class Shipping(msgspec.Struct, frozen=True, kw_only=True):
             needs=(Need(kind="file", name=place, what=what),),
         )
 
-    def _relative(self, path: str) -> str:
-        """Return where a path of the experiment's folder lies in it, or a name for one that lies elsewhere."""
+    def _wanted(self, path: str) -> str:
+        """Return the place of a path as it lies in the experiment's folder; of one elsewhere, a name beside it."""
         relative = os.path.relpath(path, os.path.realpath(self.experiment.folder))
-        if relative == ".":
-            return os.path.basename(path)
-        return f"outside/{os.path.basename(path)}" if relative.startswith("..") else relative
+        parts = relative.split("/")
+        # what a folder is shipped without is mounted by who named it alone, and not by who mounts the folder
+        if parts[0] == ".." or not VERSION_CONTROL.isdisjoint(parts):
+            return f"outside/{os.path.basename(path) or 'root'}"
+        return posixpath.normpath(f"files/{relative}")
 
     def _place(self, wanted: str, source: str) -> str:
         """Return the place of something in the export: the wanted one, or where that is taken, one like it."""

@@ -25,12 +25,14 @@ from srprov.exporting.readme import plain, readme
 from srprov.exporting.report import fields_of, lossy, refused
 from srprov.exporting.swarm_classes import CDF, EDF
 from srprov.exporting.swarm_script import BUILD, DEPLOY, build_script, deploy_script
-from srprov.exporting.swarm_service import Stack
+from srprov.exporting.swarm_service import Stack, own_name
 from srprov.exporting.text import dump
 from srprov.exporting.wanted import Wanted
 from srprov.network.layout import ON_OVERLAY
 
 _README = "README.md"
+_LONGEST = 64
+"""Letters of a secret's name: swarmkit refuses more."""
 _VERSION = "3.9"
 """Of the Compose file format: without it, `docker stack deploy` of older engines takes a file for version 1."""
 _CANNOT = {
@@ -110,6 +112,11 @@ def _remarks(wanted: Wanted) -> Iterator[Remark]:
         elif one.network == "host":
             words = "its robot's own network; it does not know the names of services on the overlay"
             yield cluster.remark(one, "network", ADAPTED, words)
+        if long := next((use.source for use in one.secrets if len(own_name(experiment, use.source)) > _LONGEST), ""):
+            words = (
+                f"{own_name(experiment, long)} has more letters than the {_LONGEST} that a secret of Swarm's may have"
+            )
+            yield cluster.remark(one, "secrets", REFUSED, words)
         yield from cluster.empty_words(one)
     yield from cluster.discovery_remarks(experiment)
     if experiment.network.subnet:
@@ -130,9 +137,9 @@ def _level(experiment: Experiment, number: int, parts: Mapping[str, Part]) -> Fi
         "version": _VERSION,
         "services": {name: part.document for name, part in parts.items()},
         "networks": {name: _network(experiment, name) for name in sorted(networks)},
-        "volumes": {name: {} for name in volumes},
+        "volumes": {name: {"name": own_name(experiment, name)} for name in volumes},
         "configs": dict(sorted(configs.items())),
-        "secrets": {name: {"external": True, "name": f"{experiment.name}_{name}"} for name in secrets},
+        "secrets": {name: {"external": True, "name": own_name(experiment, name)} for name in secrets},
     }
     comment = f"{experiment.name}, level {number + 1} of its start; made by srprov export swarm."
     text = dump({key: value for key, value in document.items() if value}, comment)

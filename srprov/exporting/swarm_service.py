@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import posixpath
-import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -22,6 +20,8 @@ from srprov.network.model import Overlay
 
 _CONFIG_LIMIT = 500_000
 """Bytes that a config of Swarm holds: the store's limit in all versions."""
+_CONFIG_DIGITS = 31
+"""Of a hash. A config's name has 64 letters at most, with the stack's, which has up to 32, and a `_` before it."""
 _OWN = (
     "restart",
     "mem_limit",
@@ -147,9 +147,11 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True):
         )
 
     def _config(self, target: str, content: bytes, mode: int = 0o444) -> Part:
-        """Return a file as a config; its name changes with its content, as configs cannot change."""
-        last = re.sub(r"[^A-Za-z0-9_.-]", "_", posixpath.basename(target))[:30]
-        name = f"{hashlib.sha256(content).hexdigest()[:16]}-{last}"
+        """Return a file as a config; its name changes with its content, as configs cannot change.
+
+        With fewer bits, who writes an EDF finds two contents of one name, and one is mounted for the other.
+        """
+        name = hashlib.sha256(content).hexdigest()[:_CONFIG_DIGITS]
         return Part(
             document={"config": {"source": name, "target": target, "mode": mode}},
             files=(File(path=f"configs/{name}", content=content),),
@@ -209,7 +211,16 @@ def _long(kind: str, source: str, mount: Mount) -> dict[str, Any]:
 
 def _secrets(experiment: Experiment, service: Service) -> Iterator[Need]:
     for use in service.secrets:
-        name = f"{experiment.name}_{use.source}"
+        name = own_name(experiment, use.source)
         yield Need(
             kind="secret", name=name, what=f"`docker secret create {name} FILE`, on a manager, before deploy.sh."
         )
+
+
+def own_name(experiment: Experiment, name: str) -> str:
+    """Return what a secret or a volume is called on the swarm.
+
+    With `STACK_NAME`, as Docker has it, a stranger's experiment called `nav` would be given what a Compose project
+    `nav` keeps on the robot, and secrets that somebody made for something else.
+    """
+    return f"srprov_{experiment.name}_{name}"

@@ -21,7 +21,7 @@ from srprov.facts.taken import QUERIES, taken_ports
 from srprov.modules.observe import observe_queries, parse_observed
 from srprov.resource import Observed
 from srprov.robot_answers import answers_of
-from srprov.session import Measures, Reader
+from srprov.session import Reader
 from srprov.untrusted import text
 from srprov.wire import AnyQuery, EngineQuery, Reply
 
@@ -38,6 +38,8 @@ class Answers(msgspec.Struct, frozen=True, kw_only=True):
     observed: tuple[Observed, ...]
     placements: Mapping[str, Mapping[str, Any]]
     """Instance -> the record that it holds."""
+    identity: str
+    """What it proved to be."""
 
     def closer(
         self, readers: Readers, *, engine: bool, traffic: bool, ports: bool
@@ -68,15 +70,13 @@ def ask(host: Host, readers: Readers, engine: bool) -> Answers:
     asked_at = time.time()  # the robot's clock is read first of all
     replies = reader.ask([*mine, *observe_queries(), FILES])
     with answers_of(host.name):
-        return _read(host, replies, mine, reader.measure(), asked_at)
+        return _read(host, reader, replies, mine, asked_at)
 
 
-def _read(
-    host: Host, replies: Sequence[Reply], mine: Sequence[AnyQuery], measures: Measures | None, asked_at: float
-) -> Answers:
+def _read(host: Host, reader: Reader, replies: Sequence[Reply], mine: Sequence[AnyQuery], asked_at: float) -> Answers:
     """Read the replies; the first of them, those to `mine`, are about the robot itself."""
     asked, ours = replies[: len(mine)], observe_queries()
-    facts = parse_host(host, asked, measures=measures, now=asked_at)
+    facts = parse_host(host, asked, measures=reader.measure(), now=asked_at)
     seen = replies[len(mine) : -1]
     mute = [reply for query, reply in zip(ours, seen, strict=True) if isinstance(query, EngineQuery) and not reply.ok]
     if mute and facts.docker is not None:
@@ -88,4 +88,5 @@ def _read(
         facts=facts,
         observed=parse_observed(seen),
         placements=parse_placements(replies[-1]),
+        identity=reader.identity,
     )

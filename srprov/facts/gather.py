@@ -154,6 +154,7 @@ def _put_together(futures: Mapping[str, Future[Answers]]) -> Snapshot:
     observed: dict[str, tuple[Observed, ...]] = {}
     unreachable: dict[str, str] = {}
     records: dict[str, Mapping[str, Mapping[str, Any]]] = {}
+    proofs: dict[str, str] = {}
     for name, future in sorted(futures.items()):
         try:
             said = future.result()
@@ -161,7 +162,8 @@ def _put_together(futures: Mapping[str, Future[Answers]]) -> Snapshot:
             unreachable[name] = _said(error)
             continue
         facts[name], observed[name], records[name] = said.facts, said.observed, said.placements
-    return Snapshot(facts=facts, observed=observed, records=records, unreachable=unreachable)
+        proofs[name] = said.identity
+    return Snapshot(facts=facts, observed=observed, records=records, unreachable=unreachable, proofs=proofs)
 
 
 def _without_mute(snapshot: Snapshot) -> Snapshot:

@@ -10,6 +10,9 @@ import msgspec
 
 from srprov.resource import Observed
 
+MOST_SERIAL = 2**31 - 1
+"""A placement record counts its changes. What it says is read again as it was written, or it is not known for ours."""
+
 
 class Link(msgspec.Struct, frozen=True, kw_only=True):
     """One network interface."""
@@ -158,6 +161,8 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     """instance -> the placement record that is believed (`controller/ownership.py`); empty as robots are asked."""
     records: Mapping[str, Mapping[str, Mapping[str, Any]]] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Robot -> instance -> the record that it holds."""
+    proofs: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
+    """Robot -> what it proved to be (`Reader.identity`); only of those that answered."""
     unreachable: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Robot -> reason."""
     taken: Mapping[str, tuple[TakenPort, ...]] = msgspec.field(default_factory=lambda: MappingProxyType({}))

@@ -14,6 +14,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from srprov import names
+from srprov.facts.model import MOST_SERIAL
 from srprov.modules.module import STATE_ROOT
 from srprov.untrusted import LIST_LENGTH, integer, json_or_none, lines_of, mapping, string
 from srprov.wire import Reply
@@ -25,7 +26,7 @@ _SIZE_LIMIT = 1_000_000
 _MOST_LINES = 8192
 """Of all files."""
 _PARTS = {"services": ("ip", "mac", "network", "robot"), "robots": ("gateway", "vtep")}
-_NUMBERS = ("mtu", "port", "vni", "serial")
+_NUMBERS = ("mtu", "port", "vni")
 
 
 def parse_placements(reply: Reply) -> dict[str, Mapping[str, Any]]:
@@ -68,6 +69,7 @@ def _shaped(record: Mapping[str, Any]) -> dict[str, Any]:
     """Return the fields that a record has, as texts and numbers; what srprov wrote stays as it is."""
     shaped: dict[str, Any] = {key: string(record[key]) for key in ("instance", "source", "subnet") if key in record}
     shaped |= {key: integer(record[key]) for key in _NUMBERS if key in record}
+    shaped["serial"] = integer(record["serial"], low=1, high=MOST_SERIAL)
     for part, fields in _PARTS.items():
         if part in record:
             entries = list(mapping(record[part]).items())[: 8 * LIST_LENGTH]

@@ -91,9 +91,8 @@ def folder_items(folder: str, listing: Listing, read: Read) -> list[ListedFile]:
             raise ValueError(f".dockerignore is larger than {_LARGEST_IGNORE >> 10} KiB")
         ignore = content.decode("utf-8", "replace")
     locks = [f"{item.path.removesuffix('.edf')}.lock" for item in items if item.path.endswith(".edf")]
-    ignored = ignore_rule(
-        [*_ALWAYS, *map(_escaped, locks), *ignore.splitlines()], sum(len(item.path) for item in items)
-    )
+    always = [*_ALWAYS, *map(_escaped, locks)]
+    ignored = ignore_rule([*always, *ignore.splitlines()], sum(len(item.path) for item in items), len(always))
     return [item for item in items if not ignored(item.path)]
 
 
@@ -103,19 +102,24 @@ def _escaped(path: str) -> str:
     return escaped if len(escaped) <= _LONGEST_PATTERN else ""
 
 
-def ignore_rule(patterns: Iterable[str], characters: int = 0) -> Callable[[str], bool]:
+def ignore_rule(patterns: Iterable[str], characters: int = 0, before: int = 0) -> Callable[[str], bool]:
     """Return a function that says whether a path is left out; the last pattern for it or a folder above decides.
+
+    Of a pattern that cannot be taken its line is told, and no word: an archive may have given a file of the user's own
+    the name `.dockerignore`, and what is wrong is shown to whoever reads the log of a check.
 
     Args:
         patterns: Lines of a `.dockerignore`.
         characters: Of all paths that will be asked for. What a pattern costs grows with its length and the path's.
+        before: How many patterns stand before the file's first line.
 
     Raises:
         ValueError: A pattern is none or too long, or there are too many for so many files.
     """
     rules: list[tuple[re.Pattern[str], bool]] = []
     work = 0
-    for raw in patterns:
+    for number, raw in enumerate(patterns, 1 - before):
+        place = f"line {number} of .dockerignore" if number > 0 else "what never belongs to an image"
         pattern = raw.strip().removeprefix("\ufeff")
         if not pattern or pattern.startswith("#"):
             continue
@@ -124,9 +128,9 @@ def ignore_rule(patterns: Iterable[str], characters: int = 0) -> Callable[[str],
         work += len(pattern) * characters
         if len(pattern) > _LONGEST_PATTERN or work > _MOST_WORK:
             why = "is too long" if len(pattern) > _LONGEST_PATTERN else "comes after too many for so many files"
-            raise ValueError(f"the pattern '{pattern[:60]}' of .dockerignore {why}")
+            raise ValueError(f"{place} {why}")
         if parts:
-            rules.append((_compiled(parts, pattern), keep))
+            rules.append((_compiled(parts, place), keep))
 
     def ignored(path: str) -> bool:
         verdict = False
@@ -138,12 +142,12 @@ def ignore_rule(patterns: Iterable[str], characters: int = 0) -> Callable[[str],
     return ignored
 
 
-def _compiled(parts: Sequence[str], pattern: str) -> re.Pattern[str]:
+def _compiled(parts: Sequence[str], place: str) -> re.Pattern[str]:
     try:
         # whatever lies below a match is matched too
         return re.compile(_regex(parts) + r"(/.*)?", re.DOTALL)
     except re.error:
-        raise ValueError(f"'{pattern[:60]}' in .dockerignore is no pattern") from None
+        raise ValueError(f"{place} is no pattern") from None
 
 
 def _regex(parts: Sequence[str]) -> str:

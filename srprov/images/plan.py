@@ -15,11 +15,6 @@ LEFT_OUT = VERSION_CONTROL
 """Names of folders that are no part of what is shipped, at any depth."""
 
 
-def is_left_out(path: str) -> bool:
-    """Return whether a path leads through a folder that is no part of what is shipped, or to one."""
-    return not LEFT_OUT.isdisjoint(path.split("/"))
-
-
 class ListedFile(msgspec.Struct, frozen=True):
     """One file below a folder, or the file itself that was listed (`path` is then empty)."""
 
@@ -32,7 +27,7 @@ class ListedFile(msgspec.Struct, frozen=True):
     @property
     def left_out(self) -> bool:
         """Whether it lies in what version control keeps."""
-        return is_left_out(self.path)
+        return not LEFT_OUT.isdisjoint(self.path.split("/"))
 
 
 class ContextFile(msgspec.Struct, frozen=True, kw_only=True):

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from srprov.codes import Code
 from srprov.definitions.homes import homes_in
 from srprov.definitions.paths import inside, link_out
+from srprov.definitions.version_control import is_kept
 from srprov.errors import Diagnostic
 from srprov.importing.normal import Refused
 from srprov.importing.position import Position
@@ -34,7 +35,8 @@ def check_named(files: Sequence[str]) -> None:
     for one in files:
         path = os.path.abspath(one)
         around = next(folder for folder in folders if path.startswith(f"{folder.rstrip('/')}/"))
-        if link_out(one) or not inside(path, around):
-            message = "a link leads out of the folder in which it is named, and is not followed"
+        # an archive may have given a file of a repository's another name
+        if link_out(one) or not inside(path, around) or is_kept(os.path.realpath(path), os.path.realpath(around)):
+            message = "it leads out of the folder in which it is named, or into a repository, and is not read"
             hint = f"if you mean what it leads to, name that: {os.path.realpath(path)}"
             raise Refused([Diagnostic(Position(one), message, hint=hint, code=Code.OUTSIDE)])

@@ -46,6 +46,8 @@ class Normal(msgspec.Struct, frozen=True):
     """Path in the document -> where it was written; paths without an entry stand where the nearest one above stands."""
     variables: tuple[Variable, ...] = ()
     warnings: tuple[Note, ...] = ()
+    secret_files: frozenset[str] = frozenset()
+    """Real paths of what any of the files calls a secret's file, also one that nothing in the document uses."""
 
     def position_of(self, path: Path) -> Position:
         """Return where a value was written, or the nearest value around it."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 from srprov.codes import Code
@@ -38,6 +38,7 @@ def normalise(
     env_files: Sequence[Path] = (),
     settings: Mapping[str, str] | None = None,
     project: str | None = None,
+    own: Collection[str] = (),
 ) -> Normal:
     """Read a Compose project as Docker Compose would, but for the environment, which is never looked at.
 
@@ -49,23 +50,27 @@ def normalise(
         settings: Variables of the command line; they win over those of files.
         project: The project's name; without it, `COMPOSE_PROJECT_NAME` of the variables, `name:` of the files, or the
             name of the first file's folder.
+        own: Real paths of files of the user's that are read for no file's sake.
 
     Raises:
         Refused: With every problem that was found, each with its place.
     """
     with allowance(MOST_BYTES, MOST_VALUES):
-        return _normalise([File(str(file), str(file)) for file in files], profiles, env_files, settings or {}, project)
+        named = [File(str(file), str(file)) for file in files]
+        roots = {os.path.dirname(os.path.realpath(file.path)) for file in named}
+        reading = Reading(tuple(sorted(roots)), frozenset(own))
+        return _normalise(named, reading, profiles, env_files, settings or {}, project)
 
 
 def _normalise(
     files: Sequence[File],
+    reading: Reading,
     profiles: Sequence[str],
     env_files: Sequence[Path],
     settings: Mapping[str, str],
     project: str | None,
 ) -> Normal:
     folder = os.path.dirname(os.path.realpath(files[0].path))
-    reading = Reading(tuple(sorted({os.path.dirname(os.path.realpath(file.path)) for file in files})))
     variables = Variables({name: Origin(value, "--set") for name, value in settings.items()})
     named = [File(str(path), str(path)) for path in env_files] or _own_env_file(folder, files[0])
     variables = variables.beside(envfiles.variables(named, reading, variables))
@@ -87,7 +92,8 @@ def _result(tree: Value, loading: Loading) -> Normal:
         raise Refused(loading.variables.problems)
     said = [*loading.notes, *notes.of_project(tree, loading.reading.written)]
     used = dict.fromkeys(loading.variables.used)
-    return Normal(plain(tree), dict(places(tree)), tuple(used), tuple(dict.fromkeys(said)))
+    told = tuple(dict.fromkeys(said))
+    return Normal(plain(tree), dict(places(tree)), tuple(used), told, frozenset(loading.reading.secrets))
 
 
 def _own_env_file(folder: str, first: File) -> list[File]:

@@ -13,7 +13,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from srprov.lab import cgroups, trust
+from srprov.lab import cgroups, trust, trust_apt
 from srprov.lab.machine import find, run
 from srprov.lab.oci import architecture
 from srprov.lab.places import CACHE, Site
@@ -74,7 +74,7 @@ def start_proxy(site: Site, name: str, init: int) -> None:
 
 def busybox() -> Path:
     """Debian's static busybox for arm64, fetched by apt once and kept."""
-    ready = CACHE / f"busybox-{trust.SUITE}-{ARCH}"
+    ready = CACHE / f"busybox-{trust_apt.SUITE}-{ARCH}"
     if not ready.exists():
         folder = CACHE / "apt.new"
         shutil.rmtree(folder, ignore_errors=True)

@@ -16,18 +16,20 @@ import subprocess
 from collections.abc import Callable, Sequence, Set
 from pathlib import Path
 
-from srprov.lab import arm64, machine, state, trust
+from srprov.lab import arm64, machine, state, trust, trust_apt
 from srprov.lab.oci import Image, Storage, architecture
 from srprov.lab.places import CACHE
 from srprov.lab.tarfiles import Layer
 
-FORMAT = 2
+FORMAT = 3
 """Raise it when the same inputs shall give other images."""
 
 Say = Callable[[str], None]
 LEFT_OUT = (
     "./dev/*",
     "./etc/apt/sources.list",  # of debootstrap's mirror, perhaps with a password; the layer above has one
+    "./etc/hostname",  # these two are this machine's, copied by debootstrap; a container gets its own
+    "./etc/resolv.conf",
     "./proc/*",
     "./sys/*",
     "./var/cache/apt/*",
@@ -75,7 +77,7 @@ def _ensure(used: Set[Path], say: Say, foreign: bool) -> Path:
         layer.file("usr/sbin/policy-rc.d", b"#!/bin/sh\nexit 101\n", 0o755)
     program = Path(busybox or "busybox")
     _write_busybox(box, program, machine.run([str(program), "--list"]).split())
-    Storage(draft).add(Image("library/debian", trust.SUITE, [base, top], ["bash"], variables))
+    Storage(draft).add(Image("library/debian", trust_apt.SUITE, [base, top], ["bash"], variables))
     boxes = [Image("library/busybox", "latest", [box], ["sh"])]
     if foreign:
         say(f"fetching busybox for {arm64.ARCH}")
@@ -101,14 +103,16 @@ def _fingerprint(trusted: dict[str, bytes], variables: dict[str, str], busybox: 
 def _debian_tar(say: Say) -> Path:
     """Debootstrap's minimal Debian as a tar file."""
     mirror = trust.mirror()
-    kind = "-without-login" if trust.without_login(mirror) != mirror else ""
-    ready = CACHE / f"debian-{trust.SUITE}-{architecture()}{kind}.tar"
+    name = f"debian-{trust_apt.SUITE}-{architecture()}"
+    ready = CACHE / f"{name}-{FORMAT}.tar"
     if ready.exists():
         return ready
+    for old in CACHE.glob(f"{name}*.tar"):
+        old.unlink()
     root = CACHE / "debootstrap.new"
     _remove_root(root)
-    say(f"making debian:{trust.SUITE} with debootstrap, once; this takes about half a minute")
-    machine.run(["debootstrap", "--variant=minbase", trust.SUITE, str(root), mirror])
+    say(f"making debian:{trust_apt.SUITE} with debootstrap, once; this takes about half a minute")
+    machine.run(["debootstrap", "--variant=minbase", trust_apt.SUITE, str(root), mirror])
     draft = ready.with_suffix(".new")
     sorted_by_name = ["--sort=name", "--numeric-owner", *(f"--exclude={path}" for path in LEFT_OUT)]
     machine.run(["tar", "--create", f"--file={draft}", f"--directory={root}", *sorted_by_name, "."])

@@ -7,6 +7,7 @@ from typing import Any
 
 import yaml
 
+from srprov import regular_file
 from srprov.lab.places import Site
 from srprov.lab.spec import Robot
 
@@ -26,7 +27,7 @@ def as_text(site: Site, robots: Sequence[Robot], user: str | None) -> str:
     }
     hosts = {robot.name: _variables(site, robot, user) for robot in robots}
     text = yaml.safe_dump({"all": {"hosts": hosts, "vars": shared}}, sort_keys=False)
-    return HEADER + str(text)
+    return f"{HEADER}{regular_file.WHOLE}\n{text}"
 
 
 def _variables(site: Site, robot: Robot, user: str | None) -> dict[str, Any]:

@@ -94,7 +94,7 @@ def _decide(site: Site, wanted: Wanted, before: state.Lab | None, say: Say) -> t
         )
     robots = parsed.build(count)
     user = wanted.user or (before.user if before is not None and source is before.spec else None)
-    target = str(site.inventory.absolute())
+    target = _place_of_inventory(site)
     known = before.inventories if before else ()
     lab = state.Lab(
         spec=source,
@@ -105,6 +105,17 @@ def _decide(site: Site, wanted: Wanted, before: state.Lab | None, say: Say) -> t
     if machine.find("sudo") is None and any(inventory.user_of(each, user) == "robot" for each in robots):
         say("sudo is not installed here: on the robots, the user robot cannot become root")
     return lab, robots
+
+
+def _place_of_inventory(site: Site) -> str:
+    """Return where the inventory goes: its user names it with `-i`, so nothing of a stranger's may be read with it."""
+    if there := regular_file.variables_beside(site.inventory.parent):
+        raise LabError(
+            f"{os.path.relpath(there)} would be read with the lab's inventory, and may be a stranger's",
+            hint="go to another folder",
+            code=Code.LAB_MACHINE,
+        )
+    return str(site.inventory.absolute())
 
 
 def _make_key(site: Site) -> None:

@@ -4,7 +4,8 @@ Behind a company's proxy or package mirror a plain Debian can install nothing: i
 the certificates nor the sources. This layer carries the machine's: CA bundle, local certificates,
 apt sources of Debian, apt's settings, and pip's index. Reads the machine; gives paths in the
 image and their contents. Names and passwords stay here: every container of a lab reads its image,
-a stranger's too, and a bundle may hold it.
+a stranger's too, and a bundle may hold it. So no text of the machine's goes there: what is known is
+written anew, from words of known forms (`trust_apt.py`, `plain_address.py`).
 """
 
 from __future__ import annotations
@@ -12,19 +13,22 @@ from __future__ import annotations
 import configparser
 import io
 import re
+import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import urlsplit
+
+from srprov.lab.machine import find
+from srprov.lab.plain_address import HOST, plain_address, plain_proxy
+from srprov.lab.trust_apt import SUITE, is_debian, settings, source, stanza
 
 BUNDLE = "etc/ssl/certs/ca-certificates.crt"
 LOCAL_CERTIFICATES = "usr/local/share/ca-certificates"
 DEFAULT_MIRROR = "http://deb.debian.org/debian"
-SUITE = "bookworm"
-PIP_KEPT = ("index-url", "extra-index-url", "trusted-host", "proxy", "timeout")
 
-_LOGIN = re.compile(r"(?<=://)[^/?#\s\"']*@")
-_BARE_LOGIN = re.compile(r"[^/?#\s\"']*@")
-"""Of a proxy that pip is told without a scheme."""
-_SECRET = re.compile(r"ProxyLogin|passw|token|secret", re.IGNORECASE)
+_SETTINGS = "etc/apt/apt.conf.d/90machine"
+_CERTIFICATE = re.compile(rb"-----BEGIN ((?:X509 |TRUSTED )?CERTIFICATE)-----[A-Za-z0-9+/=\s]+?-----END \1-----")
+_SECRET = re.compile(r"://.*@|ProxyLogin|passw|token|secret", re.IGNORECASE)
 
 # As in Debian's own image: a build starts no services, keeps no downloads, needs no fsync.
 CONTAINER_HABITS = {
@@ -39,11 +43,18 @@ def files() -> dict[str, bytes]:
     """Path in the image -> content."""
     found = dict(CONTAINER_HABITS)
     for path in (Path("/", BUNDLE), *sorted(Path("/", LOCAL_CERTIFICATES).glob("**/*.crt"))):
-        if path.is_file():
-            found[str(path.relative_to("/"))] = path.read_bytes()
-    found |= _apt_sources() | _apt_settings()
+        if path.is_file() and (kept := certificates(path.read_bytes())):
+            found[str(path.relative_to("/"))] = kept
+    found |= _apt_sources()
+    if taken := settings(_apt_config()):
+        found[_SETTINGS] = taken.encode()
     found["etc/pip.conf"] = pip_conf(_read("/etc/pip.conf"), f"/{BUNDLE}").encode()
     return found
+
+
+def certificates(text: bytes) -> bytes:
+    """The certificates in a file, which may hold a key beside them."""
+    return b"".join(match[0] + b"\n" for match in _CERTIFICATE.finditer(text))
 
 
 def environment() -> dict[str, str]:
@@ -64,18 +75,11 @@ def mirror() -> str:
     return DEFAULT_MIRROR
 
 
-def without_login(text: str) -> str:
-    """A text whose addresses have no name and no password before the host."""
-    return _LOGIN.sub("", text)
-
-
 def kept_here() -> list[str]:
-    """The files of this machine of which a name, a password or a token is not in the image."""
-    settings = {path: text for path in _setting_files() if _is_taken(text := _read(path))}
-    others = {path: _read(path) for path in (*_source_files(), Path("/etc/pip.conf"))}
-    left_out = {path for path, text in settings.items() if _is_secret(text)}
-    cut = {path for path, text in {**settings, **others}.items() if without_login(text) != text}
-    return sorted(map(str, left_out | cut))
+    """The files of this machine that hold a name, a password or a token, which is not in the image."""
+    pip = Path("/etc/pip.conf")
+    every = [pip, *_source_files(), *(path for path in _setting_files() if "Acquire::" in _read(path))]
+    return sorted(str(path) for path in every if _SECRET.search(text := _read(path)) or (path == pip and "@" in text))
 
 
 def pip_conf(real: str, bundle: str) -> str:
@@ -83,17 +87,31 @@ def pip_conf(real: str, bundle: str) -> str:
     parser = configparser.ConfigParser(interpolation=None)
     parser.read_string(real)
     kept = {}
-    for key in PIP_KEPT:
-        words = parser.get("global", key, fallback="").split()
-        words = [_LOGIN.sub("", word) for word in words if not word.startswith("file:")]
-        words = [word if "://" in word else _BARE_LOGIN.sub("", word) for word in words]
-        if words:
-            kept[key] = " ".join(words)
+    for key, form in _PIP_KEPT.items():
+        given = parser.get("global", key, fallback="").strip()
+        words = given.split() if key in _PIP_LISTS else [given]
+        if written := " ".join(filter(None, map(form, words))):
+            kept[key] = written
     target = configparser.ConfigParser(interpolation=None)
     target["global"] = {"cert": bundle, **kept}
     text = io.StringIO()
     target.write(text)
     return text.getvalue()
+
+
+def _formed(form: str) -> Callable[[str], str]:
+    return lambda word: word if re.fullmatch(form, word) else ""
+
+
+_PIP_LISTS = ("extra-index-url", "trusted-host")
+_PIP_KEPT: dict[str, Callable[[str], str]] = {
+    "index-url": plain_address,
+    "extra-index-url": plain_address,
+    "trusted-host": _formed(f"{HOST}(?::[0-9]{{1,5}})?"),
+    "proxy": plain_proxy,
+    "timeout": _formed(r"[0-9]{1,6}(?:\.[0-9]{1,6})?"),
+}
+"""Setting of pip's -> what writes a value of it, or nothing."""
 
 
 def _source_files() -> list[Path]:
@@ -108,12 +126,13 @@ def _all_sources() -> str:
 
 def _apt_sources() -> dict[str, bytes]:
     """The machine's sources of this very Debian release, or the default; no other vendor's."""
-    lines, stanzas = [], []
+    lines: list[str] = []
+    stanzas: list[str] = []
     for path in _source_files():
         if path.suffix == ".sources":
-            stanzas += [each for each in without_login(_read(path)).split("\n\n") if is_debian(each)]
+            stanzas += [made for each in _read(path).split("\n\n") if is_debian(made := stanza(each))]
         else:
-            lines += [line for line in without_login(_read(path)).splitlines() if is_debian(line)]
+            lines += [made for line in _read(path).splitlines() if is_debian(made := source(line))]
     if not lines and not stanzas:
         lines = [f"deb {DEFAULT_MIRROR} {SUITE} main"]
     return {
@@ -122,36 +141,17 @@ def _apt_sources() -> dict[str, bytes]:
     }
 
 
-def is_debian(source: str) -> bool:
-    """Whether a source (one line or a stanza) is one of Debian's archives for our release."""
-    words = [word for line in source.splitlines() if not line.startswith("#") for word in line.split()]
-    archives = [urlsplit(word).path.rstrip("/") for word in words if "://" in word]
-    ours = any(word.startswith(SUITE) for word in words)
-    return ours and any(path.endswith(("/debian", "/debian-security")) for path in archives)
-
-
-def _apt_settings() -> dict[str, bytes]:
-    """Proxies, timeouts and checks; the machine's other habits are its own."""
-    found = {}
-    for path in _setting_files():
-        text = without_login(_read(path))
-        if _is_taken(text) and not _is_secret(text):
-            found[str(path.relative_to("/"))] = text.encode()
-    return found
+def _apt_config() -> str:
+    """What apt makes of its own files; nothing where there is no apt, or where it cannot read them."""
+    program = find("apt-config")
+    if program is None:
+        return ""
+    done = subprocess.run([program, "dump"], stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+    return done.stdout if done.returncode == 0 else ""
 
 
 def _setting_files() -> list[Path]:
-    every = [Path("/etc/apt/apt.conf"), *sorted(Path("/etc/apt/apt.conf.d").glob("*"))]
-    return [path for path in every if "docker" not in path.name]
-
-
-def _is_taken(text: str) -> bool:
-    return "Acquire::" in text
-
-
-def _is_secret(text: str) -> bool:
-    """Whether settings hold a password elsewhere than in an address."""
-    return _SECRET.search(without_login(text)) is not None
+    return [Path("/etc/apt/apt.conf"), *sorted(Path("/etc/apt/apt.conf.d").glob("*"))]
 
 
 def _read(path: Path | str) -> str:

@@ -80,7 +80,7 @@ def hash_of(password: str) -> str:
             hint="apt-get install libcrypt1",
             code=Code.LAB_MACHINE,
         )
-    crypt = ctypes.CDLL(library).crypt
+    crypt = ctypes.PyDLL(library).crypt  # which no other thread runs meanwhile: crypt(3) has one place for all results
     crypt.restype = ctypes.c_char_p
     found = crypt(password.encode(), f"$6${secrets.token_hex(8)}".encode())
     if not found or not found.startswith(b"$6$"):

@@ -25,6 +25,12 @@ from srprov.modules.mount_kind import links_refused
 from srprov.untrusted import mapping
 from srprov.wire import STOP_MARGIN_S, Command, EngineCall, Run, sh
 
+NOT_OF_COMPOSE: Mapping[str, str] = MappingProxyType({
+    "com.docker.compose.oneoff": "", "com.docker.compose.service": "",
+})  # fmt: skip
+"""Labels of every container that srprov makes. One has its image's labels, too, and by these alone Compose takes a
+container for its service's: it makes that one anew, with the container's volumes in it, and the service's rights."""
+
 
 def start(name: str) -> EngineCall:
     """Return what starts a container that was created, or has ended."""
@@ -37,6 +43,7 @@ def creation(name: str, want: ContainerParams, labels: Mapping[str, str] = Mappi
     config_hash, parts = hashes(want)
     body["Labels"] = {
         **want.run.labels,
+        **NOT_OF_COMPOSE,
         INSTANCE: want.instance,
         SERVICE: want.service,
         SOURCE: want.source,

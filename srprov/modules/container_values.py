@@ -23,7 +23,7 @@ from srprov.wire import Reply
 Parts = dict[str, dict[str, str]]
 """Part, as `parts_of` names it -> field -> value as text; fields without a value are left out or empty."""
 
-_OURS = "srprov."
+_OURS = ("srprov.", "com.docker.compose.")
 _SECOND_NS = 1_000_000_000
 _FROM_IMAGE = ("command", "environment", "healthcheck", "labels")
 """Parts that an image brings along."""

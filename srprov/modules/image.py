@@ -89,14 +89,19 @@ class ImageModule(Module[ImageParams]):
         return (EngineQuery(path="/images/json"),)
 
     def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
-        """Return one entry for every tag and every digest, and for every image of ours without a name."""
+        """Return one entry for every tag and every digest, and for every image of ours without a name.
+
+        What has no id as images have is none: ids are kept, and believed, beside words of this machine's own.
+        """
         if not replies[0].ok:
             return ()
         found = []
         for item in mappings(replies[0].json()):
             key, labels = string(item.get("Id")), string_map(item.get("Labels"))
+            if not IMAGE_ID.fullmatch(key):
+                continue
             state = {"id": key, "labels": labels}
-            names = names_of(item) or [key] * bool(has_label(labels) and IMAGE_ID.fullmatch(key))
+            names = names_of(item) or [key] * has_label(labels)
             found += [Observed(module="image", name=name, instance="", state=state) for name in names]
         return tuple(found)
 

@@ -30,14 +30,22 @@ _ENGINES = (
 """Folders in which engines, or srprov, keep sockets, images, volumes or secrets: /run/user of those without root."""
 _OF_ROOT = ("/run/dbus", "/run/systemd")
 """Folders with sockets of what does as root tells it, also root in a container."""
-_DATA = re.compile(r"/(?:srv|mnt|media|data)(?:/.*)?|(?:/var)?/tmp/.+|/home/[^/]+(?:/(?!\.)[^/]+)+", re.DOTALL)
+_DATA = re.compile(r"/(?:srv|mnt|media|data)(?:/(?!\.)[^/]+)*")
 """Where data are. Anywhere else may be what root's programs run or believe, such as the rules of udev in `/run/udev`.
 
-A closed list, as no list of the other folders would ever be whole. Hidden files of a user's are what the user's shell
-reads, or whose keys let somebody in.
+A closed list, as no list of the other folders would ever be whole. People's homes are none of it: their shells run what
+is in `~/bin`; nor is what lies below /tmp, where tmux and agents of keys have sockets. Hidden files are settings.
 """
+_PUBLIC = re.compile(
+    r"/(?:usr|lib[^/]*|s?bin|sys|opt/ros)(?:/.*)?"
+    r"|/etc/(?:localtime|timezone|hostname|hosts|machine-id|os-release|passwd|group)",
+    re.DOTALL,
+)
+"""What everybody may read, and where nobody listens. A closed list, too: elsewhere may be keys, or sockets."""
 _BELIEVED = "root may run or believe what is written there"
-_ASKED = "root may do what a socket there is told"
+_READ = "a key there may let somebody in, and a socket there may do as root what it is told"
+"""A socket answers whoever reaches it, also where nothing can be written; so a shell in tmux takes keystrokes."""
+_MOUNTS = "an engine with containerd's store mounts images there, as root, where links lead"
 _MOUNTED_IN = "/tmp"  # noqa: S108 - the robot's own
 """Each time that it makes a container: `containerd-mountNUMBER`, whatever TMPDIR it is given."""
 SHARED_MEMORY = "/dev/shm"  # noqa: S108 - the robot's own
@@ -63,10 +71,15 @@ def mount_kind(source: str, *, read_only: bool = False) -> tuple[str, str]:
     if any(f"{path}/".startswith(f"{one}/") for one in _OF_ROOT):
         return "host-path", "who is root there tells systemd what to run, as root"
     if read_only:
-        return "host-path", _ASKED if path.startswith("/run/") else ""
+        return "host-path", "" if _PUBLIC.fullmatch(path) or _DATA.fullmatch(path) else gives_away(read_only=True)
     if path == _MOUNTED_IN:
-        return "host-path", "an engine with containerd's store mounts images there, as root, where links lead"
-    return "host-path", "" if _DATA.fullmatch(path) else _BELIEVED
+        return "host-path", f"{_MOUNTS}; {_BELIEVED}"
+    return "host-path", "" if _DATA.fullmatch(path) else gives_away(read_only=False)
+
+
+def gives_away(*, read_only: bool) -> str:
+    """Return what anything but data may give away."""
+    return _READ if read_only else _BELIEVED
 
 
 def plain(source: str) -> str:

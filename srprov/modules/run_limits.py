@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator
 
 from srprov.definitions.containermodel import Runtime, of_links
+from srprov.names import label_fault
 
 HOST = r"[A-Za-z0-9]([A-Za-z0-9._-]{0,61}[A-Za-z0-9])?"
 """A name in a hosts file."""
@@ -75,7 +76,7 @@ def broken(run: Runtime) -> Iterator[str]:
         if port not in _PORTS or protocol not in _PROTOCOLS:
             yield f"expose: {port}/{protocol[:20]} cannot be"
     for label in run.labels:
-        if label == "" or label.partition(".")[0] == "srprov":
+        if label == "" or label_fault(label):
             yield f"labels: {label[:60]!r} cannot be"
     for host, _ in run.extra_hosts:
         if not re.fullmatch(HOST, host):

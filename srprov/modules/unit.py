@@ -169,7 +169,12 @@ def _quoted(script: str) -> str:
 def _write(name: str, text: str) -> tuple[Command, ...]:
     """Return the one script that puts a unit in its place, whole, and enables it."""
     path = quote(f"{FOLDER}/{name}")
+    # an experiment may be called as another program is: the worker of a site has such a unit, too
     script = f"""\
+if [ -e {path} ]; then
+  read -r l <{path}
+  case $l in '{_MARK}'*) ;; *) echo {quote(f"{name} is there, and srprov did not write it")} >&2; exit 1 ;; esac
+fi
 {printed(text)} >{path}.new && chmod 644 {path}.new && mv -f {path}.new {path} || exit
 systemctl daemon-reload && systemctl --quiet enable {quote(name)}"""
     return (Run(script=script),)

@@ -2,13 +2,18 @@
 
 Takes all robots as they are, and the robots and the records of this machine's last run; gives a `Belief`. Pure.
 
-| of the robots of this machine's last run                 | what counts                                       |
-|----------------------------------------------------------|---------------------------------------------------|
-| one still has the record that it was given               | that record                                       |
-| all answer, and most records are one: somebody was there | that record                                       |
-| anything else, or there was no run                       | of each robot's record, what it says of the robot |
+| of the robots of this machine's last run                    | what counts                                       |
+|-------------------------------------------------------------|---------------------------------------------------|
+| one still has the record that it was given                  | that record                                       |
+| all answer, and more than half hold one: somebody was there | that record                                       |
+| anything else, or there was no run                          | of each robot's record, what it says of the robot |
 
-So no robot can move what others are sent, by a record of its own with a higher serial, nor by cutting others off.
+So no robot can move what others are sent, by a record of its own with a higher serial, nor by cutting others off. A
+robot that has none any more, as somebody ended the instance there, is no voice for one that says anything.
+
+A run that did not come to its end leaves two records of this machine's that robots may have. Where none that answers
+has the newer one, the older one counts, as that run may have written nothing; but for who sends something to a service
+it is not enough while a robot that was given a record is silent: root on one may keep the older one on purpose.
 """
 
 from __future__ import annotations
@@ -36,6 +41,8 @@ class Belief(msgspec.Struct, frozen=True, kw_only=True):
     """Robots that hold the record that was taken."""
     disputes: tuple[str, ...] = ()
     """Why `claimed` may be wrong, in words: robots that contradict each other, or that nobody can confirm."""
+    unsure: tuple[str, ...] = ()
+    """Robots that may have a newer record of this machine's than `record`: they were given one, and it is not that."""
     absent: tuple[str, ...] = ()
     """What `claimed` says of robots that cannot be asked, in words."""
     notes: tuple[str, ...] = ()
@@ -47,8 +54,9 @@ class Belief(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def believe(
-    instance: str, snapshot: Snapshot, keepers: Collection[str], written: Callable[[Record], int] = lambda _record: -1
-) -> Belief:
+    instance: str, snapshot: Snapshot, keepers: Collection[str], written: Callable[[Record], int] = lambda _record: -1,
+    newest: int = -1,
+) -> Belief:  # fmt: skip
     """Return what is believed of an instance's records.
 
     Args:
@@ -56,26 +64,32 @@ def believe(
         snapshot: All robots as they are.
         keepers: The robots that this machine's last run gave a record to; empty where there was none.
         written: Tells which of the records of that run one is, the newest the highest; -1 for none of them.
+        newest: What `written` tells of the newest.
     """
     held = _shared({robot: records[instance] for robot, records in snapshot.records.items() if instance in records})
     trusted = {robot: record for robot, record in held.items() if robot in keepers}
     ages = {id(record): written(record) for record in _distinct(held)}
-    best = _settled(trusted, [robot for robot in keepers if robot in snapshot.unreachable], ages)
+    away = sorted(robot for robot in keepers if robot in snapshot.unreachable)
+    best = _settled(trusted, len(keepers), away, ages)
     if best is not None:
         holders = frozenset(robot for robot, record in held.items() if record is best)
         odd = sorted(robot for robot, record in held.items() if record is not best and ages[id(record)] < 0)
         notes = tuple(f"{robot} holds another record of this instance: it is not believed" for robot in odd)
-        return Belief(record=best, claimed=best, holders=holders, notes=notes)
+        unsure = tuple(sorted({*keepers} - holders)) if 0 <= ages[id(best)] < newest else ()
+        if unsure:
+            older = f"{', '.join(sorted(holders))} ha{'ve' if len(holders) > 1 else 's'} an older record of it"
+            notes += (f"{older} than a run of this machine wrote; {', '.join(unsure)} may have the newer one",)
+        return Belief(record=best, claimed=best, holders=holders, unsure=unsure, notes=notes)
     if not held:
         return Belief()
     most = _most_held(held)
     holders = frozenset(robot for robot, record in held.items() if record is most)
     disputes = _differing(held, most)
-    if away := sorted(robot for robot in keepers if robot in snapshot.unreachable):
-        who, cut_off = ", ".join(sorted(held)), ", ".join(away)
-        disputes.append(
-            f"{who} do{'es' * (len(held) == 1)} not hold what this machine wrote, and {cut_off} cannot be asked"
-        )
+    if keepers:
+        few = f"no record is on more than half of {', '.join(sorted(keepers))}"
+        why = f"{', '.join(away)} cannot be asked" if away else few
+        who = f"{', '.join(sorted(held))} do{'es' * (len(held) == 1)}"
+        disputes.append(f"{who} not hold what this machine wrote, and {why}")
     absent = tuple(_of_others(most, holders, snapshot))
     return Belief(record=_of_own(held, most), claimed=most, holders=holders, disputes=tuple(disputes), absent=absent)
 
@@ -92,8 +106,10 @@ def _distinct(held: Mapping[str, Record]) -> list[Record]:
     return list({id(one): one for one in held.values()}.values())
 
 
-def _settled(trusted: Mapping[str, Record], away: Collection[str], ages: Mapping[int, int]) -> Record | None:
-    """Return the record that needs nobody's consent: this machine's, or one that most who were given one agree on.
+def _settled(
+    trusted: Mapping[str, Record], given: int, away: Collection[str], ages: Mapping[int, int]
+) -> Record | None:
+    """Return the record that needs nobody's consent: this machine's, or one that most of the `given` robots hold.
 
     None: there is none, or `away` tells of robots that could contradict.
     """
@@ -101,7 +117,7 @@ def _settled(trusted: Mapping[str, Record], away: Collection[str], ages: Mapping
     if ours is None or ages[id(ours)] >= 0:
         return ours
     most = _most_held(trusted)
-    agree = 2 * sum(record is most for record in trusted.values()) > len(trusted)
+    agree = 2 * sum(record is most for record in trusted.values()) > given
     return most if agree and not away else None
 
 

@@ -19,6 +19,7 @@ import msgspec
 
 from srprov import names
 from srprov.definitions.model import Experiment
+from srprov.facts.model import MOST_SERIAL
 from srprov.untrusted import integer, mapping, string
 
 if TYPE_CHECKING:
@@ -60,7 +61,8 @@ def record(
         experiment: For each service's network mode.
         placed: Service -> robot.
         source: Where the EDF comes from (git remote and path, else user@host:path).
-        before: The record that is believed. `serial` is one more than its own when anything else differs.
+        before: The record that is believed. `serial` is one more than its own when anything else differs,
+            and 1 after the last one: a robot may have said that.
     """
     services = {
         name: {
@@ -87,7 +89,8 @@ def record(
     }
     serial = _count((before or {}).get("serial"))
     same = before is not None and {k: v for k, v in before.items() if k != "serial"} == content
-    return dict(sorted({**content, "serial": serial if same else serial + 1}.items()))
+    following = serial + 1 if serial < MOST_SERIAL else 1
+    return dict(sorted({**content, "serial": serial if same else following}.items()))
 
 
 def read_record(value: Mapping[str, Any] | None) -> PlacementRecord | None:

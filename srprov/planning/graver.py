@@ -9,6 +9,12 @@ import re
 
 EVERY_PROCESS = "as good as root where anybody but root runs something; it reads what other containers hold"
 """A container may be any user, and whose processes have no more capabilities than it has, it reads the files of."""
+LISTENERS = "root's programs may do what they are told there: on the loopback, or by sockets that lie in no folder"
+"""An engine that listens on 127.0.0.1, a debugger, an X server: they ask nobody who is on the robot itself."""
+TOLD = "root's programs may do what they are told on the robot's loopback, and by sockets in any folder"
+"""An engine that sends as root to an address of a stranger's is told by what answers there where to send it next."""
+SHARED = "root may believe what is written to its shared memory, or do what a socket in it is told"
+"""`/dev/shm` is a folder, too; ssh keeps connections to other hosts there where it is told so."""
 _AS_ROOT = "as good as root on the robot"
 _CAPABILITIES = frozenset({"ALL", "SYS_ADMIN", "SYS_MODULE", "SYS_RAWIO", "SYS_BOOT", "DAC_READ_SEARCH"})
 _ORDINARY = frozenset(
@@ -28,10 +34,17 @@ _DISK = re.compile(
     r"|(mapper|disk|block|bsg|md)(/|\Z)|root\Z)"
 )
 _A_DISK = f"a disk: {_AS_ROOT}, if it is the robot's own"
-_KEYS = re.compile(r"/dev/(mem|kmem|port|uinput)\Z|/dev/vfio(/|\Z)")
-"""Memory, keys that are typed for whoever is logged in at the robot, and cards that write to its memory."""
-_BY_NUMBER = re.compile(r"[ab] |c (\*|1|10|21|90):")
+_KEYS = re.compile(
+    r"/dev/(mem|kmem|port|uinput|uhid|console|tty[0-9]+|ng[0-9].*)\Z|/dev/(vfio|bus)(/|\Z)|/dev/input(\Z|/(event|by-))"
+)
+"""Memory, keys that are typed for whoever is logged in at the robot, cards that write to its memory, and raw USB."""
+_BY_NUMBER = re.compile(r"[ab] |c (\*|0*(1|10|21|90)):")
 """Rules for them, which a container can make a device of by itself; 21 and 90 are disks as characters."""
+_PARTS = frozenset({"29", "81", "89", "116", "153", "166", "180", "188", "195", "204", "226"})
+"""Characters that are screens, cameras, I2C, sound, SPI, serial lines and graphics; source: the kernel's devices.txt.
+
+A closed list: 4 are consoles, 13 keyboards, 189 raw USB with its disks, and from 234 on any kernel has its own.
+"""
 
 
 def noted(what: str, note: str) -> str:
@@ -52,4 +65,7 @@ def of_device(path: str) -> str:
 
 def of_rule(rule: str) -> str:
     """Return why a rule of a device cgroup is more than it looks, or nothing."""
-    return f"disks, memory or keys: {_AS_ROOT}" if _BY_NUMBER.match(rule) else ""
+    if _BY_NUMBER.match(rule):
+        return f"disks, memory or keys: {_AS_ROOT}"
+    major = rule.partition(" ")[2].partition(":")[0]
+    return "" if major.lstrip("0") in _PARTS else f"may be {_AS_ROOT}"

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 
 from srprov.definitions.containermodel import Logging
+from srprov.planning.graver import TOLD, noted
 
 _LOGS = ("", "json-file", "local", "none")
 """Log drivers that write what only the engine reads; the empty one is what the robot's owner chose."""
@@ -29,9 +30,11 @@ def of_logging(log: Logging | None) -> Iterator[str]:
     """Return what the engine itself, as root and from the robot's own network, would do with what is printed."""
     plain = log is None or log.driver in _LOGS
     if log and not plain:
-        place = "into the robot's own journal" if log.driver == "journald" else "perhaps off the robot"
-        yield f"driver {log.driver}: the engine sends what is printed {place}"
+        journal = log.driver == "journald"
+        place = "into the robot's own journal" if journal else "wherever it is told"
+        yield noted(f"driver {log.driver}: the engine sends what is printed {place}", "" if journal else TOLD)
     for name, value in sorted(log.options.items()) if log else ():
         form = _LOG_OPTIONS.get(name)
         if not plain or form is None or not form.fullmatch(value):
-            yield f"option {name}={value}"
+            # with no driver named it is that of the robot's own, which may be any
+            yield noted(f"option {name}={value}", "" if log and log.driver else TOLD)

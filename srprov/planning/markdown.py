@@ -8,11 +8,12 @@ below what a comment may have: what does not fit is counted.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 
 import msgspec
 
 from srprov.errors import visible
+from srprov.names import few
 from srprov.planning.plan import Plan, Step
 from srprov.planning.planhash import plan_hash
 from srprov.planning.steptext import difference_lines, is_plumbing, numbers, own, value
@@ -41,7 +42,7 @@ class _Group(msgspec.Struct, frozen=True):
     @property
     def robots(self) -> str:
         """Their robots, the first few by name."""
-        return _few([escaped(step.host) for step in self.steps])
+        return few([escaped(step.host) for step in self.steps], _MOST_ROBOTS)
 
 
 def plan_markdown(plan: Plan, *, commands: bool = False) -> str:
@@ -115,11 +116,6 @@ def _placement(plan: Plan) -> Iterator[str]:
     yield ""
 
 
-def _few(names: Sequence[str]) -> str:
-    more = f" and {len(names) - _MOST_ROBOTS} more" if len(names) > _MOST_ROBOTS else ""
-    return ", ".join(names[:_MOST_ROBOTS]) + more
-
-
 def _groups(steps: Iterable[Step]) -> list[_Group]:
     found: dict[object, list[Step]] = {}
     for step in steps:
@@ -158,7 +154,7 @@ def _rows(groups: Iterable[_Group]) -> Iterator[str]:
         step = group.first
         cause = escaped(step.change.cause) + (" **data is lost**" if step.change.destructive else "")
         what = escaped(f"{step.module} {step.name}")
-        listed = _few(numbers([one.number for one in group.steps]).replace("#", "").split(", "))
+        listed = few(numbers([one.number for one in group.steps]).replace("#", "").split(", "), _MOST_ROBOTS)
         yield f"| {listed} | {group.robots} | `{step.change.action.value}` | {what} | {cause} |"
 
 

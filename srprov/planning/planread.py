@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from srprov import names
 from srprov.codes import Code
-from srprov.definitions.secretmodel import SecretSource
+from srprov.definitions.secretmodel import SecretSource, is_gone_by
 from srprov.errors import Location, UsageError
 from srprov.modules import MODULES, RUNNING
 from srprov.modules.params import read_params
@@ -120,6 +120,8 @@ def _plan_file(read: Document) -> PlanFile:
 def _secret(name: str, read: SecretKeys) -> SecretSource:
     if not (read.env or read.file or read.command):
         raise ValueError(f"the secret {name[:60]!r} comes from nowhere")
+    if is_gone_by(read.env):
+        raise ValueError(f"the secret {name[:60]!r} is {read.env[:60]}, a variable that srprov itself goes by")
     return SecretSource(
         name=name, env=read.env, file=read.file, command=read.command, folder=read.folder, location=Location(*read.at)
     )

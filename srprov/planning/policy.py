@@ -19,7 +19,7 @@ from srprov.errors import RefusedError
 from srprov.image_reference import parse_reference
 from srprov.modules.mount_kind import GRAVE, below, mount_kind, plain, written_by
 from srprov.network.identity import is_for_overlays
-from srprov.planning.graver import EVERY_PROCESS, noted, of_capability, of_device, of_rule
+from srprov.planning.graver import EVERY_PROCESS, LISTENERS, SHARED, TOLD, noted, of_capability, of_device, of_rule
 from srprov.planning.image_origin import not_from_a_registry
 from srprov.planning.log_options import of_logging
 
@@ -150,7 +150,7 @@ def _written(experiment: Experiment) -> _Places:
 def _of_service(service: Service, written: _Places) -> Iterator[Permission]:
     run = service.runtime
     if service.network in ("host", "both"):
-        yield Permission(kind="host-network", service=service.name, what="the robot's network")
+        yield Permission(kind="host-network", service=service.name, what=noted("the robot's network", LISTENERS))
     for kind, what in (*_namespaces(run), *_paths(run, written), *_hardware(run, written), *_lasting(run)):
         yield Permission(kind=kind, service=service.name, what=what)
 
@@ -163,12 +163,12 @@ def of_image(service: Service, containers: Mapping[str, ContainerDefinition]) ->
             yield Permission(kind="built-image", service=service.name, what=f"{name}: {why}")
         elif parse_reference(name).is_private:
             what = f"{name}: the robot's engine asks whoever that is in the robot's own network"
-            yield Permission(kind="engine-fetch", service=service.name, what=what)
+            yield Permission(kind="engine-fetch", service=service.name, what=noted(what, TOLD))
     for source in cdf.fetches if cdf else ():
         what = f"ADD {source}: the robot's engine fetches it, from the robot's own network"
         if source.startswith("FROM "):
             what = f"{source}: which ONBUILD instructions run then is not known"
-        yield Permission(kind="engine-fetch", service=service.name, what=what)
+        yield Permission(kind="engine-fetch", service=service.name, what=noted(what, TOLD))
 
 
 def _of_repositories(service: Service, containers: Mapping[str, ContainerDefinition]) -> Iterator[Permission]:
@@ -190,7 +190,7 @@ def _namespaces(run: Runtime) -> Iterator[tuple[str, str]]:
     if run.pid:
         yield "host-pid", noted(f"pid: {run.pid}", EVERY_PROCESS)
     if run.ipc and run.ipc not in ("private", "none"):
-        yield "host-ipc", f"ipc: {run.ipc}"
+        yield "host-ipc", noted(f"ipc: {run.ipc}", SHARED if run.ipc == "host" else "")
     for capability in run.cap_add:
         yield "capability", noted(capability, of_capability(capability))
     for name, value in sorted(run.sysctls.items()):

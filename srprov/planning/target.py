@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from srprov.codes import Code
 from srprov.errors import RefusedError
 from srprov.modules import MODULES, RUNNING
+from srprov.names import few
 from srprov.planning.plan import Plan, Step
 from srprov.resource import Action, Condition, Resource
 
@@ -124,7 +125,7 @@ def _only(plan: Plan, kept: Collection[int], names: Collection[str]) -> Plan:
     if not left:
         return plan
     others = sorted({step.service for step in left} - {""})
-    told = ", ".join(others[:_NAMED]) + (f" and {len(others) - _NAMED} more" if others[_NAMED:] else "")
+    told = few(others, _NAMED)
     what = f"{told} {'stays as it is' if len(others) == 1 else 'stay as they are'}" if others else "no service waits"
     note = f"{len(left)} steps are left out by --target: {what}"
     return replace(plan, steps=tuple(step for step in plan.steps if step.number in kept), notes=(*plan.notes, note))

@@ -11,6 +11,7 @@ from typing import Any
 
 import msgspec
 
+from srprov.names import few
 from srprov.probing.evidence import Evidence
 from srprov.probing.model import UNDERLAY
 from srprov.probing.pairs import MTU, MULTICAST, REACH, TCP, Pair
@@ -72,8 +73,7 @@ def by_robots(pairs: Iterable[Pair]) -> Iterator[tuple[str, str, tuple[Pair, ...
 def services_of(pairs: Iterable[Pair]) -> str:
     """Return the services of pairs in words, for the end of a sentence."""
     names = sorted({end.service for one in pairs for end in (one.source, one.target) if end.service})
-    shown = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
-    return f" (services: {shown})" if names else ""
+    return f" (services: {few(names, 8)})" if names else ""
 
 
 def on_underlay(evidence: Evidence, left: Sequence[Pair]) -> Iterator[Cause]:

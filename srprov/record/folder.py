@@ -26,8 +26,7 @@ _MOST_TWINS = 100
 
 def default_root() -> Path:
     """Return where runs are recorded: the user's folder for state, as the XDG base directory specification has it."""
-    state = os.environ.get("XDG_STATE_HOME", "")
-    return Path(state if os.path.isabs(state) else os.path.expanduser("~/.local/state")) / "srprov" / "runs"
+    return private.state_folder() / "runs"
 
 
 def in_lines(value: object, depth: int = 2) -> str:

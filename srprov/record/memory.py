@@ -1,7 +1,7 @@
-"""What this machine remembers between runs: which placement record it gave to whom, and which images it had built.
+"""What this machine remembers between runs: placement records that it gave, images that it had built, files of secrets.
 
-Takes and gives values; a small JSON file per instance, and one for images, below the user's folder for state. A file
-that is missing or broken is as no memory at all: then robots are believed less, not more.
+Takes and gives values; a small JSON file per instance, and one for images and for secrets, below the user's folder for
+state. A file that is missing or broken is as no memory at all: then robots are believed less, not more.
 """
 
 from __future__ import annotations
@@ -12,16 +12,17 @@ import os
 import urllib.parse
 from collections.abc import Collection, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import msgspec
 
-from srprov import believed
+from srprov import believed, secret_files
 from srprov.record.folder import default_root
-from srprov.untrusted import mapping, parse_json, string, strings
+from srprov.untrusted import mapping, parse_json, string, string_map, strings
 
 _LONGEST = 4 << 20
-_MOST_IMAGES = 2000
+_MOST_KEPT = 2000
 
 
 class Memory(msgspec.Struct, frozen=True, kw_only=True):
@@ -29,6 +30,9 @@ class Memory(msgspec.Struct, frozen=True, kw_only=True):
 
     robots: frozenset[str] = frozenset()
     """That were given a record."""
+    proofs: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
+    """Robot -> what it proved to be: another inventory may give its name to another one. A file of an older srprov does
+    not tell it, and what it tells counts for nobody who answers."""
     records: tuple[str, ...] = ()
     """`digest` of each record that robots may have, the newest last: more than one while a run is not at its end."""
 
@@ -44,14 +48,15 @@ def recall(instance: str) -> Memory:
         kept = mapping(parse_json(believed.read(_place(instance), _LONGEST).decode()))
     except (OSError, ValueError):
         return Memory()
-    return Memory(robots=frozenset(strings(kept.get("robots"))), records=tuple(strings(kept.get("records"))))
+    robots, records = frozenset(strings(kept.get("robots"))), tuple(strings(kept.get("records")))
+    return Memory(robots=robots, records=records, proofs=string_map(kept.get("proofs")))
 
 
 def remember(instance: str, memory: Memory) -> str:
     """Keep the memory of an instance, an empty one: forget it; return why that is not possible, or nothing."""
     place = _place(instance)
     if memory.robots:
-        document = {"robots": sorted(memory.robots), "records": memory.records}
+        document = {"robots": sorted(memory.robots), "records": memory.records, "proofs": dict(memory.proofs)}
         return "" if memory == recall(instance) else _write(place, document)
     try:
         if os.path.lexists(place):
@@ -94,6 +99,11 @@ def note_ran(had: Mapping[str, Collection[str]]) -> str:
     return _add(_ran(), had)
 
 
+def note_secret_files(paths: Collection[str]) -> str:
+    """Remember that secrets were read from some files, never what; return why that is not possible, or nothing."""
+    return _add(secret_files.place(), {path: () for path in paths})
+
+
 def _sets(place: Path) -> dict[str, frozenset[str]]:
     try:
         kept = mapping(parse_json(believed.read(place, _LONGEST).decode()))
@@ -107,7 +117,7 @@ def _add(place: Path, more: Mapping[str, Collection[str]]) -> str:
     news = {key: known.get(key, frozenset()) | set(some) for key, some in more.items()}
     if all(known.get(key) == some for key, some in news.items()):
         return ""
-    newest = [*((key, some) for key, some in known.items() if key not in news), *news.items()][-_MOST_IMAGES:]
+    newest = [*((key, some) for key, some in known.items() if key not in news), *news.items()][-_MOST_KEPT:]
     return _write(place, {key: sorted(some) for key, some in newest})
 
 

@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 
+from srprov.names import few
 from srprov.report.html import Html, el
 
 _UNITS = ("bytes", "KiB", "MiB", "GiB", "TiB")
@@ -74,8 +75,7 @@ def ranges(names: Iterable[str], most: int = _SHORT) -> str:
         found += _folded(run)
         run = [here]
     found += _folded(run)
-    more = f" and {len(found) - most} more" if len(found) > most else ""
-    return ", ".join(found[:most]) + more
+    return few(found, most)
 
 
 def _folded(run: Sequence[tuple[str, str]]) -> list[str]:

@@ -16,14 +16,17 @@ from typing import Any
 from srprov.image_reference import parse_reference
 from srprov.snapshot.mounts import mount_fields
 from srprov.snapshot.notes import Notes
-from srprov.snapshot.secret_names import SecretNames
+from srprov.snapshot.secret_names import Give
 from srprov.snapshot.settings import MOST_ENTRIES, health_field, host_fields
 from srprov.snapshot.suspicion import masked, masked_words, secret_variable
 from srprov.untrusted import integer, mapping, string, string_map, strings, text
 
 LONGEST_VALUE = 8192
 """Characters of a variable, a word or a label."""
-_LABELS_OF_OTHERS = ("com.docker.", "org.opencontainers.", "srprov.", "io.portainer.", "desktop.docker.")
+_LABELS_OF_OTHERS = (
+    "com.docker.", "io.docker.", "org.dockerproject.", "org.opencontainers.", "srprov.", "io.portainer.",
+    "desktop.docker.",
+)  # fmt: skip
 _VARIABLE = re.compile(r"[^=\x00\s]{1,200}")
 _CONFIG = frozenset((
     "Hostname", "AttachStdin", "AttachStdout", "AttachStderr", "ExposedPorts", "Tty", "OpenStdin", "StdinOnce",
@@ -45,15 +48,15 @@ class Service:
 
 
 def service_of(
-    name: str, box: Mapping[str, Any], image: Mapping[str, Any], runtime: str, notes: Notes, given: SecretNames
+    name: str, box: Mapping[str, Any], image: Mapping[str, Any], runtime: str, notes: Notes, give: Give
 ) -> Service:
     """Return a container as the service `name`; `runtime` is what its engine runs containers with by default.
 
-    `given` has the names of all secrets before its own.
+    `give` names its secrets.
     """
     subject = f"container {name}"
     config, own, host = mapping(box.get("Config")), mapping(image.get("Config")), mapping(box.get("HostConfig"))
-    variables, secrets, hidden = _environment(name, config, own, notes, given)
+    variables, secrets, hidden = _environment(name, config, own, notes, give)
     fields: dict[str, Any] = {**_image(config, image, subject, notes)}
     network = _network(box, host, subject, notes)
     fields |= network | _process(config, own, subject, notes)
@@ -79,7 +82,7 @@ def service_of(
 
 
 def _environment(
-    name: str, config: Mapping[str, Any], own: Mapping[str, Any], notes: Notes, given: SecretNames
+    name: str, config: Mapping[str, Any], own: Mapping[str, Any], notes: Notes, give: Give
 ) -> tuple[dict[str, str], dict[str, str], list[str]]:
     """Return the variables that are not the image's: plain ones, those that became secrets, and values to hide."""
     of_image = set(strings(own.get("Env")))
@@ -96,7 +99,7 @@ def _environment(
             if secret_variable(key, value) and len(value) <= LONGEST_VALUE:
                 hidden.append(value)
         elif reason := secret_variable(key, value):
-            secret, secrets[secret] = given.give(name, key)
+            secret, secrets[secret] = give(name, key)
             hidden.append(value)
             words = f"the variable {text(key, length=60)} looks like a secret ({reason})"
             notes.secret(

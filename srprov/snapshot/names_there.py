@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections import Counter
+from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
@@ -17,8 +17,9 @@ from srprov.snapshot.containers import Service
 from srprov.snapshot.notes import Notes
 from srprov.untrusted import mapping, string, strings, text
 
-_WORD = re.compile(r"[a-z0-9_-]+")
-"""Of a name with dots each part is one: which of them a resolver adds is not known."""
+_WORD = re.compile(r"([\\%-]?)([a-z0-9_-]+)")
+"""Of a name with dots each part is one: which of them a resolver adds is not known. Behind a sign with which an escape
+or an option may begin, a name may stand anywhere in it: `\\tdb`, `%2Fdb`, `-hdb`."""
 
 
 class NamesThere:
@@ -26,17 +27,16 @@ class NamesThere:
 
     def __init__(self, boxes: Mapping[str, Iterable[Mapping[str, Any]]]) -> None:
         """Take each robot's containers, as its engine has them."""
-        self._of = {robot: frozenset(_words(some)) for robot, some in boxes.items()}
-        self._robots = Counter(word for words in self._of.values() for word in words)
+        self._of = {robot: _Words(some) for robot, some in boxes.items()}
 
     def mean_others(self, robot: str, name: str) -> bool:
         """Return whether containers of another robot than this one may mean something by a name."""
-        return self._robots[name.lower()] > (name.lower() in self._of[robot])
+        return any(words.mean(name.lower()) for other, words in self._of.items() if other != robot)
 
     def without_hostname(self, robot: str, service: Service, notes: Notes) -> Service:
         """Return a service of a robot without a hostname that is a host's elsewhere: all services would find it so."""
         hostname = str(service.fields.get("hostname", ""))
-        alone = all(name == robot or not words for name, words in self._of.items())
+        alone = all(name == robot or words.none for name, words in self._of.items())
         if not hostname or alone or ("." not in hostname and not self.mean_others(robot, hostname)):
             return service
         words = f"its hostname {text(hostname, length=60)}: containers of other robots would take it for that host"
@@ -45,13 +45,21 @@ class NamesThere:
         return dataclasses.replace(service, fields=kept)
 
 
-def _words(boxes: Iterable[Mapping[str, Any]]) -> Iterator[str]:
-    for box in boxes:
-        for one in _texts(box):
-            for word in _WORD.findall(one.lower()):
-                yield word.strip("-_")
-                if word[:1] == "-":  # `-hdb` names the host `db`
-                    yield word[2:]
+class _Words:
+    """Those of one robot."""
+
+    def __init__(self, boxes: Iterable[Mapping[str, Any]]) -> None:
+        found = {one.groups() for box in boxes for said in _texts(box) for one in _WORD.finditer(said.lower())}
+        self._whole = frozenset(word.strip("-_") for _, word in found)
+        # from the end of each, so that those with one end stand together
+        self._glued = sorted(word.rstrip("-_")[::-1] for sign, word in found if sign)
+        self.none = not found
+
+    def mean(self, name: str) -> bool:
+        """Return whether one of them may be a name."""
+        end = name[::-1]
+        at = bisect_left(self._glued, end)
+        return name in self._whole or (at < len(self._glued) and self._glued[at].startswith(end))
 
 
 def _texts(box: Mapping[str, Any]) -> Iterator[str]:

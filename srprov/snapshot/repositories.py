@@ -18,6 +18,7 @@ from collections.abc import Iterator, Mapping
 import msgspec
 
 from srprov.git_address import is_commit, parse_address
+from srprov.names import few
 from srprov.snapshot.gitscript import ASKED, MOST_PATCH, Found
 from srprov.snapshot.notes import Notes
 from srprov.snapshot.questions import END
@@ -180,8 +181,7 @@ def fetchable(url: str, subject: str, notes: Notes) -> str:
 def _names(said: Mapping[str, str], subject: str, notes: Notes) -> None:
     untracked = [text(one, length=80) for one in said["untracked"].split("\0") if one]
     if untracked:
-        more = f", and {len(untracked) - 8} more" if len(untracked) > 8 else ""
-        notes.lost(subject, f"files that are not tracked: {', '.join(untracked[:8])}{more}")
+        notes.lost(subject, f"files that are not tracked: {few(untracked, 8)}")
     hidden = [one[2:] for one in said["flags"].split("\0") if one[:1].islower() or one.startswith("S ")]
     if hidden:
         notes.lost(

@@ -44,7 +44,8 @@ _FORMS = re.compile(
     r"|dckr_pat_[\w-]{16,255}|SG\.[\w-]{16,255})"
     r"|\$(?:1|2[abxy]|5|6|y|argon2id?|apr1)\$[^\s:'\"]{8,500}"
 )
-_IN_URL = re.compile(r"(?<=://)[^\s/@'\"<>]{1,500}(?=@)")
+_IN_URL = re.compile(r"(?<=://)[^\s/]{1,500}(?=@)")
+"""Up to the last `@` before the path: a password may have one, and quotes."""
 _BEARER = re.compile(r"(?i)(?<=\bbearer )[^\s'\"]{6,4000}|(?<=\bbasic )[A-Za-z0-9+/=]{8,4000}")
 _ASSIGNED = re.compile(
     r"""(?x) (?P<name>[A-Za-z][A-Za-z0-9_.-]{1,80}) ["']? [ \t]* (?: => | :=? | = ) [ \t]*

@@ -16,13 +16,14 @@ import sys
 import threading
 from typing import TYPE_CHECKING
 
+from srprov.errors import ConnectError
 from srprov.transport.options import ConnectOptions, Peers
 
 if TYPE_CHECKING:
     from srprov.definitions.model import Host
     from srprov.session import ContainerCommand, Session
 
-__all__ = ["ConnectOptions", "Peers", "connect", "log_in", "preload_ssh"]
+__all__ = ["ConnectOptions", "Peers", "connect", "log_in", "on_record", "preload_ssh"]
 
 _loading = threading.Lock()
 
@@ -60,6 +61,21 @@ def log_in(host: Host, command: str, terminal: str, *, options: ConnectOptions) 
     from srprov.transport.openssh.login import RobotLogin
 
     return RobotLogin(host, options, command, terminal)
+
+
+def on_record(host: Host) -> frozenset[str]:
+    """Return what the `identity` of a robot can be, by the host keys that are on record for it here; ask nobody."""
+    if host.connection == "local":
+        return frozenset({f"{host.name} local"})
+    from srprov.transport.openssh.host_keys import keys_of
+    from srprov.transport.openssh.resolve import resolve
+
+    try:
+        keys = keys_of(resolve(host))
+    except ConnectError:  # by such settings nobody is connected to, so nobody has proved anything
+        return frozenset()
+    revoked = {one.blob for one in keys if one.marker == "@revoked"}
+    return frozenset(f"{host.name} {one.fingerprint}" for one in keys if not one.marker and one.blob not in revoked)
 
 
 def preload_ssh() -> None:

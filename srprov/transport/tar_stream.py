@@ -92,6 +92,7 @@ class TarStream:
         header.name, header.linkname = words.get("path", header.name), words.get("linkpath", header.linkname)
         if "size" in words:
             header.size = int(words["size"]) if re.fullmatch("[0-9]{1,18}", words["size"]) else -1
+        header.pax_headers = words
         foreign = header.type not in _KINDS and not self._any_kind
         if foreign or header.size < 0 or any(name.startswith("GNU.") for name in words):
             raise TarError(f"{header.name[:80]!r} is no file that an image has")
@@ -127,3 +128,27 @@ class TarStream:
             parts.append(data[:size])
             self._rest, size = data[size:], size - len(parts[-1])
         return b"".join(parts)
+
+
+def parts_of(name: str) -> list[str]:
+    """Return the folders and the name of a tar's member.
+
+    Raises:
+        TarError: It leads up.
+    """
+    parts = [part for part in name.split("/") if part not in ("", ".")]
+    if ".." in parts:
+        raise TarError(f"{name[:80]!r} leads out of it")
+    return parts
+
+
+def place_of(name: str, top: list[str], called: str) -> list[str]:
+    """Return where a member goes when the tar's top is called otherwise; empty `called`: what is below it has no top.
+
+    Raises:
+        TarError: It is not below the top.
+    """
+    parts = parts_of(name)
+    if parts[: len(top)] != top:
+        raise TarError(f"{name[:80]!r} is not below {'/'.join(top)!r}")
+    return [*filter(None, [called]), *parts[len(top) :]]

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from srprov.errors import TransportError
 from srprov.pace import Pace
+from srprov.sandbox import NO_SANDBOX, NOT_CLOSED, sandboxed_writing
 from srprov.session import Progress, Streams
 from srprov.untrusted import integer, lines_of
 from srprov.wire import CopyVolume, Reply, Run, quote
@@ -121,8 +122,14 @@ def _out(volume: str) -> str:
 
 
 def _into(volume: str) -> str:
-    tar = f'tar --extract --preserve-permissions --same-owner {_KEEP} --directory="$place"'
-    return f"{_place(volume)}printf 'ready\\n' && (ulimit -v {_MEMORY_KIB}; exec {tar}) && printf 'done\\n'"
+    """Return what unpacks a tar into a volume, where there is nothing else of the robot.
+
+    GNU tar leaves links that may lead out for the end. Of these, one can stand in the way of the name of another.
+    """
+    tar = f"exec tar --extract --preserve-permissions --same-owner {_KEEP}"
+    inside = sandboxed_writing(f"printf 'ready\\n' && ulimit -v {_MEMORY_KIB} && {tar}")
+    told = f"[ $? != {NO_SANDBOX} ] || echo {quote(NOT_CLOSED)} >&2; exit 1"
+    return f"{_place(volume)}root=$place && ( {inside} ) && printf 'done\\n' || {{ {told}; }}"
 
 
 def _stream(

@@ -25,6 +25,8 @@ class Allowance:
     """In folders that are walked through: so many may be shipped (`disk.py`)."""
     walked: dict[tuple[str, str], str] = field(default_factory=dict)
     """Folder, and what no link in it may leave -> what is wrong with it."""
+    kept: dict[str, frozenset[tuple[int, int]]] = field(default_factory=dict)
+    """Folder -> files of version control's in and above it that have further names, as the kernel knows them."""
     contents: dict[str, builtins.bytes] = field(default_factory=dict)
     """Path -> what was read there: whoever needs it later must not read what others put there since."""
 

@@ -15,7 +15,8 @@ import msgspec
 _PLAIN = re.compile(r"[A-Za-z0-9_./~$^@%+=,<>()-][A-Za-z0-9_./~$^@%+=,<>():;!&*?| \"'\\-]*", re.ASCII)
 _INDICATOR = re.compile(r"-(?!\S)|[?:,\[\]{}#&*!|>'\"%@`=<]|~\Z")
 _WORD = re.compile(r"(true|false|yes|no|on|off|y|n|null|none|~|[-+]?\.(inf|nan))", re.IGNORECASE)
-_NUMBER = re.compile(r"(?=.*[0-9])[-+.0-9][0-9a-fA-FxXoO_.:,eE+-]*")
+_NUMBER = re.compile(r"(?=.*[0-9])[-+.0-9][0-9a-fA-FxXoO_.:,eE+-]*|[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}[Tt ].*")
+"""Or a point in time."""
 _LONGEST_FLOW = 100
 _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
 

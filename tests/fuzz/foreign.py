@@ -12,7 +12,7 @@ from typing import Any
 
 from srprov.cli.compare import margins_of
 from srprov.cli.replay import _pair
-from srprov.controller.snapshot import _cleaned, _robots
+from srprov.controller.snapshot import _robots, _without_secrets
 from srprov.controller.snapshot_check import Checker
 from srprov.controller.snapshot_look import look
 from srprov.conversion import report, swarmrob
@@ -27,7 +27,6 @@ from srprov.record.runs import kept_runs, trials_run
 from srprov.report.page import page
 from srprov.report.read import of_run
 from srprov.snapshot import report as snapshot_report
-from srprov.snapshot.folder import definition_of
 from srprov.snapshot.gitscript import ASKED
 from srprov.snapshot.hider import Hider
 from srprov.snapshot.questions import END, QUESTIONS
@@ -166,8 +165,7 @@ def _snapshot(changed: str) -> Callable[[Path, bytes], None]:
         seen = look(_Robot(changed, content), "robot1")  # type: ignore[arg-type]  # it asks, and does nothing else
         robots = _robots([seen])
         hider = Hider(value for robot in robots for one in robot.services for value in one.hidden)
-        robots = [_cleaned(robot, hider) for robot in robots]
-        definitions = {robot.name: one for robot in robots if (one := definition_of(robot))}
+        robots, definitions = _without_secrets(robots, hider)
         draft = folder / "snapshot"
         draft.mkdir()
         robots, definitions = Checker(draft, robots, definitions, hider).checked("snapshot")

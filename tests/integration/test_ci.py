@@ -166,6 +166,18 @@ def test_what_a_hostile_file_says_is_no_command(repository: Repository) -> None:
     ), marks
 
 
+def test_nothing_of_a_branch_that_is_checked_is_run(repository: Repository) -> None:
+    """Also where a pattern of the workflow's own finds it, and it would do as an inventory that is a program."""
+    ran = repository.folder / "ran"
+    (repository.folder / "experiments").mkdir()
+    repository.write("experiments/a.yml", EDF)
+    repository.write("experiments/b.yml", f"#!/bin/sh\ntouch {ran}\necho '{{}}'\n")
+    (repository.folder / "experiments/b.yml").chmod(0o755)
+    done = repository.action("validate", files="experiments/*.yml")
+    assert not ran.exists() and done.returncode == 5, done
+    assert any("file=experiments/b.yml" in line for line in commands(done.stdout)), done.stdout
+
+
 def test_the_plan_is_one_comment_that_is_updated(repository: Repository, forge: FakeForge) -> None:
     """Among many of others, one of which has its mark; srprov never sees the token."""
     name = told.marker("plan e.edf")

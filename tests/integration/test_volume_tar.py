@@ -92,6 +92,49 @@ def test_an_archive_of_a_robot_that_lies_leaves_its_folder_nowhere(places: Place
     assert target.is_dir() and not target.is_symlink()
 
 
+def linked_last(folder: Path, name: str, *, first: bool) -> bytes:
+    """Give an archive whose hard link tar makes last, by a name of which a part has become a link to a folder.
+
+    GNU tar 1.34 begins with the latest of the links that it has left for the end. Where a version begins with the
+    first one, that one's placeholder has to be there by its inode, which the link in its place may have got.
+    """
+    data, away = io.BytesIO(), [("p", tarfile.SYMTYPE, str(folder))]
+    links = [
+        ("p", tarfile.SYMTYPE, "b"),
+        (f"p/{name}", tarfile.SYMTYPE, "/nowhere"),
+        ("x", tarfile.LNKTYPE, f"p/{name}"),
+    ]
+    links = [*away, *links] if first else [*links, *away]
+    with tarfile.open(fileobj=data, mode="w") as tar:
+        for member, kind, link in (("b", tarfile.DIRTYPE, ""), *links, (f"b/{name}", tarfile.REGTYPE, "")):
+            info = tarfile.TarInfo(member)
+            info.type, info.linkname, info.mode = kind, link, 0o755
+            tar.addfile(info)
+    return data.getvalue()
+
+
+@pytest.mark.parametrize("first", [False, True])
+def test_a_hard_link_that_tar_makes_last_reaches_no_file_of_the_robot(places: Places, first: bool) -> None:
+    """It was a second name, in the volume, of any file on its disk: who may write there wrote into that one."""
+    own = places.volume("outside") / "own"
+    own.write_text("own")
+    target = places.volume("target")
+    places.run(_into("target"), linked_last(own.parent, own.name, first=first))
+    assert (own.stat().st_nlink, own.read_text()) == (1, "own")
+    found = target / "x"
+    assert not found.exists() or found.stat().st_ino != own.stat().st_ino
+
+
+def test_what_cannot_be_closed_off_takes_nothing(places: Places) -> None:
+    """A robot without unshare says so, before anything is sent to it."""
+    places.volume("target")
+    program = places.root / "bin" / "unshare"
+    program.write_text("#!/bin/sh\nexit 1\n")
+    program.chmod(0o755)
+    done = places.run(_into("target"))
+    assert (done.returncode, done.stdout) == (1, b"") and b"cannot be closed off" in done.stderr, done
+
+
 def test_an_archive_of_a_robot_that_lies_takes_little_memory_of_another(places: Places) -> None:
     """Attributes of three GiB are not waited for: tar would keep them all in memory."""
     target = places.volume("target")

@@ -79,7 +79,9 @@ def _up(lab: Lab, robot: str, folder: Path, compose: str) -> None:
 
 
 def _heard(lab: Lab, robot: str) -> bool:
-    return any(line.startswith("web says: Hello from a folder") for line in log_of(lab, robot, "hello-greeter-1"))
+    return any(
+        line.startswith("web says: Hello from a folder") for line in log_of(lab, robot, "srprov-hello-greeter-1")
+    )
 
 
 def test_an_exported_example_runs_with_compose_alone(lab: Lab, compose: str, tmp_path: Path) -> None:
@@ -87,9 +89,9 @@ def test_an_exported_example_runs_with_compose_alone(lab: Lab, compose: str, tmp
     assert lab.srprov("export", "compose", str(HELLO), "-o", str(tmp_path / "twin")).code == 0
     _up(lab, "robot1", tmp_path / "twin", compose)
     wait_until(lambda: _heard(lab, "robot1"), 30, "the greeter hears the web server")
-    wait_until(lambda: not lab.inspect("robot1", "hello-once-1")["State"]["Running"], 30, "the job ends")
-    assert lab.inspect("robot1", "hello-once-1")["State"]["ExitCode"] == 0
-    assert lab.inspect("robot1", "hello-web-1")["State"]["Health"]["Status"] == "healthy"
+    wait_until(lambda: not lab.inspect("robot1", "srprov-hello-once-1")["State"]["Running"], 30, "the job ends")
+    assert lab.inspect("robot1", "srprov-hello-once-1")["State"]["ExitCode"] == 0
+    assert lab.inspect("robot1", "srprov-hello-web-1")["State"]["Health"]["Status"] == "healthy"
 
 
 def test_exported_robots_know_each_other_with_compose_alone(lab: Lab, compose: str, tmp_path: Path) -> None:
@@ -102,8 +104,8 @@ def test_exported_robots_know_each_other_with_compose_alone(lab: Lab, compose: s
     for robot in (home["web"], home["greeter"], home["once"]):
         _up(lab, robot, tmp_path / "robots" / robot, compose)
     wait_until(lambda: _heard(lab, home["greeter"]), 30, "the greeter hears the web server of another robot")
-    wait_until(lambda: not lab.inspect(home["once"], "hello-once-1")["State"]["Running"], 30, "the job ends")
-    assert lab.inspect(home["once"], "hello-once-1")["State"]["ExitCode"] == 0
+    wait_until(lambda: not lab.inspect(home["once"], "srprov-hello-once-1")["State"]["Running"], 30, "the job ends")
+    assert lab.inspect(home["once"], "srprov-hello-once-1")["State"]["ExitCode"] == 0
 
 
 RICH = """\
@@ -154,6 +156,6 @@ def test_what_is_built_shipped_seeded_and_secret_is_there_with_compose_alone(
     (tmp_path / "out" / "secrets" / "key").write_text("given\n")
     _up(lab, "robot1", tmp_path / "out", compose)
     lines = ["the page", "given", "the seed", "shipped", "$literal /root"]
-    wait_until(lambda: log_of(lab, "robot1", "rich-ask-1")[-len(lines) :] == lines, 20, "all of it is there")
-    web = lab.inspect("robot1", "rich-web-1")
+    wait_until(lambda: log_of(lab, "robot1", "srprov-rich-ask-1")[-len(lines) :] == lines, 20, "all of it is there")
+    web = lab.inspect("robot1", "srprov-rich-web-1")
     assert web["Config"]["Hostname"] == "web"

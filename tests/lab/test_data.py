@@ -211,7 +211,7 @@ def test_a_service_stays_where_its_data_is_until_the_user_says_what_becomes_of_i
     nothing = home.run("status", free)
     assert f"data is kept: {VOLUME} on {here}" in nothing.out and "missing" in nothing.out, nothing
     doctor = home.lab.srprov("doctor", "-i", home.inventory)
-    assert f"data is kept: {VOLUME} on {here} (" in doctor.out, doctor
+    assert f"data is kept: {VOLUME} on {here} (" in doctor.out and f"--limit {here} removes it" in doctor.out, doctor
     listed = home.run("status", free, "--volumes", "--json").json["volumes"]
     assert [(row["volume"], row["robot"], row["used"]) for row in listed] == [(VOLUME, here, False)]
     assert 2_900_000 < listed[0]["bytes"] < 20_000_000

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -144,6 +145,20 @@ def test_what_a_container_has_cannot_lead_out_of_the_copy(begun: Begun, tmp_path
     for name in ("abs: a link", "up: a link", "around: a link", "pipe: a device", "null: a device"):
         assert f"left out: evil/{name}" in copied.err
     assert (tmp_path / "secret").read_text() == "mine" and sorted(os.listdir(tmp_path)) == ["evil", "secret"]
+
+
+def test_no_container_puts_variables_beside_the_inventory(begun: Begun, tmp_path: Path) -> None:
+    """A robot's variables may name a program, which the next verb would run here, as whoever has the robots' keys."""
+    ran = tmp_path / "ran"
+    command = f"ansible_ssh_common_args: -o ProxyCommand='touch {ran}'"
+    begun.inside("talker", f'mkdir -p /vars/group_vars && echo "{command}" >/vars/group_vars/all.yml')
+    copied = begun.run("cp", "talker:/vars/.", str(begun.folder))
+    status = begun.run("status")
+    shutil.rmtree(begun.folder / "group_vars", ignore_errors=True)
+    assert copied.code == 5 and "could name programs there" in copied.err, copied
+    assert status.code == 0 and not ran.exists(), status
+    assert begun.run("cp", "talker:/vars/.", str(tmp_path / "new")).code == 0
+    assert (tmp_path / "new/group_vars/all.yml").read_text() == f"{command}\n"
 
 
 def test_a_copy_that_is_interrupted_leaves_no_half_file(begun: Begun, tmp_path: Path) -> None:

@@ -52,6 +52,8 @@ def talk(lab_of_module: Lab, tmp_path_factory: pytest.TempPathFactory) -> Iterat
     inventory = part_of_lab(lab, ROBOTS, folder / "lab.yml", **{robot: {"srprov_slots": 4} for robot in ROBOTS})
     words = (str(path), "-i", inventory)
     lab.srprov("apply", *words, "--yes", "--settle", "0")  # `long` fails, as it is meant to
+    for robot in ROBOTS:  # what is compared has been printed
+        lab.shell(robot, "sh", "-c", "docker ps -aq --filter name=[.]rep- | xargs -r docker wait")
     yield Talk(lab, words)
     assert lab.srprov("destroy", *words, "--yes").code == 0
 

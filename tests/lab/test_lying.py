@@ -21,7 +21,7 @@ printf '#!/bin/sh\\n[ "$1" != save ] || exec %s save %s busybox:latest\\nexec %s
 """
 """A robot whose archives carry one more tag than the image has that is asked for."""
 PROXY = """\
-import os, socket, threading
+import os, re, socket, threading
 real, here = "/var/run/docker-real.sock", "/var/run/docker.sock"
 os.rename(here, real)
 server = socket.socket(socket.AF_UNIX)
@@ -29,7 +29,7 @@ server.bind(here)
 server.listen(64)
 def pump(source, target, lie):
     while data := source.recv(65536):
-        target.sendall(data.replace(b'"Architecture":"amd64"', b'"Architecture":"arm64"') if lie else data)
+        target.sendall(re.sub(LIE, data) if lie else data)
     target.shutdown(socket.SHUT_WR)
 while True:
     client, engine = server.accept()[0], socket.socket(socket.AF_UNIX)
@@ -37,19 +37,26 @@ while True:
     for ends in ((client, engine, False), (engine, client, True)):
         threading.Thread(target=pump, args=ends, daemon=True).start()
 """
-"""Between a robot's engine and whoever asks it: its images are for another architecture than they are."""
+"""Between a robot's engine and whoever asks it; LIE is what it says, and in place of what."""
+OTHER = PROXY.replace("LIE", """b'"Architecture":"amd64"', b'"Architecture":"arm64"'""")
+"""Its images are for another architecture than they are."""
+NAMES = PROXY.replace(
+    "LIE", r"""rb'"Id":"(sha256:\w{64})",("Labels":.[^}]*srprov.cdf[^}]*.,"ParentId":"sha256:\w{57})\w{7}"', """
+    r"""rb'"Id":"\1 robot2",\2"'""")  # fmt: skip
+"""The id of what was built there names another robot as well, as long as before."""
 OWN_BASE = "printf 'FROM busybox\\nRUN echo robot1 >/not-yours\\n' | docker build -q -t busybox:latest -"
-OTHER_KIND = f"""\
-{OWN_BASE} &&
-echo aarch64 >/tmp/arch && mount --bind /tmp/arch /proc/sys/kernel/arch
+BETWEEN = """\
 setsid python3 -c "$0" >/dev/null 2>&1 & echo $! >/tmp/proxy
 while [ ! -S /var/run/docker-real.sock ] || ! docker version >/dev/null 2>&1; do sleep 0.1; done
 """
-SAME_KIND = """\
-kill "$(cat /tmp/proxy)"; mv /var/run/docker-real.sock /var/run/docker.sock; umount /proc/sys/kernel/arch
-rm /tmp/arch /tmp/proxy
-"""
+OTHER_KIND = f"""\
+{OWN_BASE} &&
+echo aarch64 >/tmp/arch && mount --bind /tmp/arch /proc/sys/kernel/arch
+{BETWEEN}"""
+HONEST_ENGINE = 'kill "$(cat /tmp/proxy)"; mv /var/run/docker-real.sock /var/run/docker.sock; rm /tmp/proxy'
+SAME_KIND = f"{HONEST_ENGINE}; umount /proc/sys/kernel/arch; rm /tmp/arch"
 HONEST = "rm /usr/local/sbin/docker; docker tag mine/busybox:1 busybox:latest; docker rmi mine/busybox:1"
+CONTENT = ("docker", "exec", "srprov.kinds.one", "ls", "/not-yours")
 RECORD = "/var/lib/srprov/lies/placement.json"
 
 
@@ -174,12 +181,15 @@ class OwnBase:
 
     def check(self, applied: Done) -> None:
         """Look at both robots, once robot1 has built."""
-        content = ("docker", "exec", "srprov.kinds.one", "ls", "/not-yours")
-        assert applied.code == 0 and self.lab.shell("robot1", *content).out
-        moved = self.on("robot2", "-i", self.both, "-i", self.builders, "--reassign")
+        assert applied.code == 0 and self.lab.shell("robot1", *CONTENT).out
+        self.check_other("robot2", self.both)
+
+    def check_other(self, robot: str, inventory: str, *words: str) -> None:
+        """Look at another robot, to which the service moves."""
+        moved = self.on(robot, "-i", inventory, "-i", self.builders, "--reassign", *words)
         assert moved.code == 0 and "copied from" not in moved.out, moved
-        assert self.lab.shell("robot2", *content, check=False).code != 0
-        assert self.lab.srprov("destroy", str(self.path), "-i", self.both, "--yes", env=self.home).code == 0
+        assert self.lab.shell(robot, *CONTENT, check=False).code != 0
+        assert self.lab.srprov("destroy", str(self.path), "-i", inventory, "--yes", env=self.home).code in (0, 4)
 
 
 @pytest.fixture
@@ -190,13 +200,13 @@ def own_base(lab_of_module: Lab, tmp_path: Path) -> Iterator[OwnBase]:
     yield OwnBase(lab_of_module, tmp_path)
     lab_of_module.shell("robot1", "docker", "tag", real, "busybox:latest")
     gone = 'i=$(docker images -q srprov/kinds); [ -z "$i" ] || docker rmi -f $i; docker image prune -f'
-    for robot in ("robot1", "robot2"):
+    for robot in ("robot1", "robot2", "robot3"):
         lab_of_module.shell(robot, "sh", "-c", gone)
 
 
 def test_a_robot_that_was_of_another_architecture_builds_for_no_builder(lab_of_module: Lab, own_base: OwnBase) -> None:
     """It said so while it built an image for itself, on a base of its own making; the inventory has another builder."""
-    lab_of_module.shell("robot1", "sh", "-c", OTHER_KIND, PROXY)
+    lab_of_module.shell("robot1", "sh", "-c", OTHER_KIND, OTHER)
     try:
         applied = own_base.on("robot1", "-i", own_base.both, "-i", own_base.builders)
     finally:
@@ -208,3 +218,33 @@ def test_a_robot_that_built_for_itself_alone_builds_for_no_builder(lab_of_module
     """Its own inventory named no builder, and its base was of its own making; the laboratory's names another robot."""
     lab_of_module.shell("robot1", "sh", "-c", OWN_BASE)
     own_base.check(own_base.on("robot1", "-i", own_base.alone))
+
+
+def test_a_robot_that_names_another_one_as_builder_builds_for_nobody(
+    lab_of_module: Lab, own_base: OwnBase, tmp_path: Path
+) -> None:
+    """It built alone, and the id that its engine said names a builder of the laboratory, which is away now."""
+    lab_of_module.shell("robot1", "sh", "-c", f"{OWN_BASE} && {BETWEEN}", NAMES)
+    try:
+        own_base.on("robot1", "-i", own_base.alone)
+    finally:
+        lab_of_module.shell("robot1", "sh", "-c", HONEST_ENGINE)
+    gone = part_of_lab(lab_of_module, ["robot1", "robot2", "robot3"], tmp_path / "gone.yml", robot2={"ansible_port": 1})
+    Path(own_base.builders).write_text("builders: {hosts: {robot2: {}, robot3: {}}}\n", encoding="utf-8")
+    own_base.check_other("robot3", gone, "--unreachable", "skip")
+
+
+def test_a_robot_that_has_a_builder_s_name_in_another_inventory_builds_for_nobody(
+    lab_of_module: Lab, own_base: OwnBase, tmp_path: Path
+) -> None:
+    """It built alone, as robot2 of that inventory; here robot2 is another one, a builder, which is away now."""
+    lab = lab_of_module
+    lab.shell("robot1", "sh", "-c", OWN_BASE)
+    address = re.search(r"ansible_host: (\S+)", Path(own_base.alone).read_text(encoding="utf-8"))
+    assert address
+    alone = part_of_lab(lab, ["robot2"], tmp_path / "namesake.yml", robot2={"ansible_host": address[1]})
+    assert own_base.on("robot2", "-i", alone).code == 0 and lab.shell("robot1", *CONTENT).out
+    assert lab.srprov("destroy", str(own_base.path), "-i", alone, "--yes", env=own_base.home).code == 0
+    gone = part_of_lab(lab, ["robot1", "robot2", "robot3"], tmp_path / "gone.yml", robot2={"ansible_port": 1})
+    Path(own_base.builders).write_text("builders: {hosts: {robot2: {}, robot3: {}}}\n", encoding="utf-8")
+    own_base.check_other("robot3", gone, "--unreachable", "skip")

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
@@ -99,6 +101,7 @@ def test_others_talk_on_while_a_robot_joins_and_a_service_moves(
     ):
         band.apply(MOVED)
         wait_until(lambda: reached(band.lab, "robot1", "srprov.band.left", ["web"]), 60, "web by its name")
+        time.sleep(2 * MOST_S)  # a try that began too early has to end, and one more to go well
     check_stream(moving)
     record_property("talk", {"while a robot joins": joining, "while a service moves": moving})
     assert {one: identity(band.container(one, HOMES[one])) for one in others} == others
@@ -107,6 +110,6 @@ def test_others_talk_on_while_a_robot_joins_and_a_service_moves(
     started = datetime.fromisoformat(web["State"]["StartedAt"][:26] + "+00:00").timestamp()
     for who, said in (("left", far), ("new", near)):
         assert said["tries"][0][1], f"{who} was to reach it before"
-        first = min(when for when, well in said["tries"] if well and when > started)
-        record_property(f"seconds until {who} reaches web", round(first - started, 3))
-        assert first - started <= MOST_S, said["tries"]
+        waited = min((when - started for when, well in said["tries"] if well and when > started), default=math.inf)
+        record_property(f"seconds until {who} reaches web", round(waited, 3))
+        assert waited <= MOST_S, (who, started, said["tries"][-100:])

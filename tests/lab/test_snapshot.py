@@ -77,7 +77,7 @@ def test_a_robot_that_was_set_up_by_hand_becomes_an_experiment(hand: Lab, tmp_pa
         and db["healthcheck"]["interval"] == "7s"
         and "***" in db["healthcheck"]["test"][1]
     )
-    assert edf["secrets"]["camera-front-db_password"] == {"env": "CAMERA_FRONT__DB_PASSWORD"}
+    assert edf["secrets"]["camera-front-db_password"] == {"env": "ROBOT1__CAMERA_FRONT__DB_PASSWORD"}
 
     cdf = yaml.safe_load((folder / f"{ROBOT}.cdf").read_text(encoding="utf-8"))
     assert (

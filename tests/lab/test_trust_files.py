@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import tarfile
 from pathlib import Path
 
 import pytest
+import yaml
 
 from tests.lab.conftest import NOTHING, Lab, busybox, edf, part_of_lab
 
@@ -41,6 +44,102 @@ def test_only_root_can_enter_what_lies_on_a_robot_and_variables_need_permission(
     assert f"CLOUD_KEY={VALUE}" in lab.inspect(ROBOT, "srprov.files.a")["Config"]["Env"]
     recorded = "".join(one.read_text() for one in (tmp_path / "runs").rglob("*") if one.is_file())
     assert VALUE not in recorded + done.out + done.err + rows[3]
+
+
+def test_passwords_of_robots_beside_an_edf_are_shipped_by_nobody_unasked(lab: Lab, tmp_path: Path) -> None:
+    """The user has put his inventory beside the EDF, as `init` does; a stranger's service mounts the whole folder."""
+    inventory = part_of_lab(lab, [ROBOT], tmp_path / "inventory.yml")
+    (tmp_path / "group_vars").mkdir()
+    (tmp_path / "group_vars" / "all.yml").write_text(f"ansible_become_password: {VALUE}\n", encoding="utf-8")
+    path = tmp_path / "own.edf"
+    path.write_text(edf("own", {"a": busybox(volumes=[".:/ws"])}), encoding="utf-8")
+    words = (str(path), "-i", inventory)
+    for verb in (("plan",), ("apply", "--yes"), ("build", "--yes")):
+        refused = lab.srprov(*verb, *words)
+        assert refused.code == 9 and f"a: outside ({tmp_path}/group_vars/all.yml)" in refused.err, refused
+        assert VALUE not in refused.out + refused.err
+    assert lab.leftovers(ROBOT) == NOTHING
+    (tmp_path / "group_vars" / "all.yml").unlink()
+    done = lab.srprov("apply", *words, "--yes", "--settle", "0", "--no-probe", "--runs", str(tmp_path.parent / "runs"))
+    assert done.code == 0, done
+
+
+def test_another_inventory_beside_an_edf_is_shipped_by_nobody_unasked(lab: Lab, tmp_path: Path) -> None:
+    """The user names the one of the lab; that of the field, and what an editor kept of it, lie in the same folder."""
+    inventory = part_of_lab(lab, [ROBOT], tmp_path / "lab.yml")
+    others = [tmp_path / "field.yml", tmp_path / "field.yml~"]
+    for one in others:
+        one.write_text(f"all: {{hosts: {{r9: {{ansible_become_password: {VALUE}}}}}}}\n", encoding="utf-8")
+    path = tmp_path / "field.edf"
+    path.write_text(edf("field", {"a": busybox(volumes=[".:/ws"])}), encoding="utf-8")
+    for verb in (("apply", str(path), "-i", inventory, "--yes"), ("export", "compose", str(path), "-o", "out")):
+        refused = lab.srprov(*verb)
+        assert refused.code == 9 and all(f"a: outside ({one})" in refused.err for one in others), refused
+    assert lab.leftovers(ROBOT) == NOTHING
+
+
+def test_the_file_of_a_secret_is_shipped_by_no_later_version_unasked(lab: Lab, tmp_path: Path) -> None:
+    """It was allowed for one service; then the project is pulled, and its EDF mounts the folder and names no secret."""
+    inventory = part_of_lab(lab, [ROBOT], tmp_path / "lab.yml")
+    (tmp_path / "keys").mkdir()
+    (tmp_path / "keys" / "token").write_text(VALUE, encoding="utf-8")
+    path = tmp_path / "later.edf"
+    words = ("apply", str(path), "-i", inventory, "--yes", "--settle", "0", "--no-probe")
+    service, secrets = busybox(secrets=["token"]), {"token": {"file": "keys/token"}}
+    path.write_text(edf("later", {"a": service}, secrets=secrets), encoding="utf-8")
+    done = lab.srprov(*words, "--allow", "secret")
+    assert done.code == 0, done
+    path.write_text(edf("later", {"a": busybox(volumes=["./keys:/keys"])}), encoding="utf-8")
+    refused = lab.srprov(*words)
+    assert refused.code == 9 and f"a: outside ({tmp_path}/keys/token)" in refused.err, refused
+
+
+def test_no_token_of_a_clone_is_shipped_whatever_the_project_is_called(lab: Lab, tmp_path: Path) -> None:
+    """A project for computer vision, of the name that CVS gives its own folders; its EDF mounts all of it."""
+    inventory = part_of_lab(lab, [ROBOT], tmp_path / "lab.yml")
+    path = tmp_path / "CVS" / "vision.edf"
+    (path.parent / ".git").mkdir(parents=True)
+    (path.parent / ".git" / "config").write_text(f"url = https://me:{VALUE}@example.com/CVS\n", encoding="utf-8")
+    path.write_text(edf("vision", {"a": busybox(volumes=[".:/ws"])}), encoding="utf-8")
+    words = ("--yes", "--settle", "0", "--no-probe", "--runs", str(tmp_path / "runs"))
+    done = lab.srprov("apply", str(path), "-i", inventory, *words)
+    assert done.code == 0, done
+    assert lab.shell(ROBOT, "docker", "exec", "srprov.vision.a", "ls", "-A", "/ws").out.split() == ["vision.edf"]
+    recorded = "".join(one.read_text(errors="replace") for one in (tmp_path / "runs").rglob("*") if one.is_file())
+    assert VALUE not in recorded
+
+
+def test_no_token_of_a_clone_is_shipped_by_a_name_that_an_archive_gave_it(lab: Lab, tmp_path: Path) -> None:
+    """Maps that are to be unpacked in the clone; one is a hard link to what says where that came from."""
+    inventory = part_of_lab(lab, [ROBOT], tmp_path / "lab.yml")
+    path = tmp_path / "nav" / "maps.edf"
+    (path.parent / ".git").mkdir(parents=True)
+    (path.parent / ".git" / "config").write_text(f"url = https://me:{VALUE}@example.com/nav\n", encoding="utf-8")
+    with tarfile.open(tmp_path / "maps.tar", "w") as tar:
+        link = tarfile.TarInfo("maps/floor")
+        link.type, link.linkname = tarfile.LNKTYPE, ".git/config"
+        tar.addfile(link)
+    subprocess.run(["tar", "xf", str(tmp_path / "maps.tar")], cwd=path.parent, check=True)
+    path.write_text(edf("maps", {"a": busybox(volumes=["./maps:/maps"])}), encoding="utf-8")
+    refused = lab.srprov("apply", str(path), "-i", inventory, "--yes")
+    assert refused.code == 9 and f"a: outside ({path.parent}/maps/floor)" in refused.err, refused
+    assert lab.leftovers(ROBOT) == NOTHING
+
+
+def test_a_key_beside_an_edf_is_shipped_by_nobody_unasked(lab: Lab, tmp_path: Path) -> None:
+    """The inventory has it by ssh's arguments; a stranger's service had it in its container, for every robot."""
+    whole = yaml.safe_load(lab.inventory.read_text(encoding="utf-8"))
+    shared, mine, inventory = whole["all"]["vars"], tmp_path / "keys" / "lab", tmp_path / "inventory.yml"
+    mine.parent.mkdir()
+    mine.write_bytes(Path(shared.pop("ansible_ssh_private_key_file")).read_bytes())
+    mine.chmod(0o600)
+    shared["ansible_ssh_common_args"] += f" -i {mine}"
+    inventory.write_text(yaml.safe_dump(whole), encoding="utf-8")
+    path = tmp_path / "key.edf"
+    path.write_text(edf("key", {"a": busybox(volumes=[".:/ws"])}), encoding="utf-8")
+    refused = lab.srprov("apply", str(path), "-i", str(inventory), "--yes")
+    assert refused.code == 9 and f"a: outside ({mine})" in refused.err, refused
+    assert lab.leftovers(ROBOT) == NOTHING
 
 
 def test_hostile_names_reach_neither_robots_nor_folders_here(lab: Lab, tmp_path: Path) -> None:

@@ -57,7 +57,15 @@ def test_the_configured_paths_find_every_test() -> None:
 
 
 def test_the_files_that_two_processes_begin_with_are_there() -> None:
-    assert [name for name in effort.LONGEST if not (ROOT / "tests" / "lab" / f"{name}.py").exists()] == []
+    assert [name for name in effort.LONGEST if not (ROOT / "tests" / f"{name}.py").exists()] == []
+
+
+def test_two_processes_take_files_of_the_lab_and_others_in_turn() -> None:
+    files = [
+        ROOT / "tests" / f"{name}.py" for name in ("unit/a", "unit/b", "unit/c", "unit/d", "lab/e", *effort.LONGEST[:1])
+    ]
+    place = effort.places(files)
+    assert [one.stem for one in sorted(files, key=place.__getitem__)] == ["a", "test_survival", "b", "c", "e", "d"]
 
 
 @pytest.mark.parametrize(

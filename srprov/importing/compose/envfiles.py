@@ -23,7 +23,7 @@ def variables(files: Sequence[File], reading: Reading, known: Variables) -> dict
     """
     found: dict[str, Origin] = {}
     for file in files:
-        text = reading.text(file.path, file.shown, file.named)
+        text = reading.variables(file.path, file.shown, file.named)
         found |= {
             name: Origin(value, file.shown) for name, (value, _) in values(text, file.shown, known, found).items()
         }

@@ -63,6 +63,7 @@ def first_look(file: File, loading: Loading) -> tuple[Value, resets.Resets]:
     tree = interpolate(tree, loading.variables)
     if loading.variables.problems:
         raise Refused(_once(loading.variables.problems))
+    loading.reading.note_secrets(tree, (loading.folder, os.path.dirname(os.path.abspath(file.path))))
     return tree, reset
 
 

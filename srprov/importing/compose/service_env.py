@@ -48,7 +48,7 @@ def _with_labels(service: Value, loading: Loading, first: File) -> Value:
     entries: dict[str, Value] = {}
     for name in files.data:
         file = first.beside(loading.folder, name)
-        text = loading.reading.text(file.path, file.shown, name)
+        text = loading.reading.variables(file.path, file.shown, name)
         found = envfiles.values(text, file.shown, loading.variables)
         entries |= {key: Value(value, at, at) for key, (value, at) in found.items()}
     labels = (own or files).of({**entries, **(own.data if own is not None else {})})
@@ -81,6 +81,6 @@ def _file(
                 )
             ]
         )
-    text = loading.reading.text(file.path, file.shown, name)
+    text = loading.reading.variables(file.path, file.shown, name)
     found = envfiles.values(text, file.shown, known, _origins(before, "env_file"), raw=form is not None)
     return {key: Value(value, at, at) for key, (value, at) in found.items()}

@@ -6,9 +6,13 @@ Takes paths; gives trees, or `Refused`. Reads files: those that the user named, 
 from __future__ import annotations
 
 import os
+import shlex
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
+from srprov import regular_file
 from srprov.codes import Code
+from srprov.definitions.own_content import is_own
 from srprov.definitions.paths import belongs
 from srprov.errors import DefinitionError, Diagnostic
 from srprov.importing.compose.scalars import Date, meaning
@@ -28,10 +32,14 @@ class Reading:
 
     roots: tuple[str, ...]
     """Real paths of the folders that the user's own files lie in."""
+    own: frozenset[str] = frozenset()
+    """Real paths of files that secrets were read from on this machine: their values are put into nothing else."""
     count: int = 0
     texts: dict[str, str] = field(default_factory=dict)
     """What was read, by its real path."""
     trees: dict[tuple[str, str], Value] = field(default_factory=dict)
+    secrets: set[str] = field(default_factory=set)
+    """Real paths of what any of the files calls a secret's file, whether a service that is wanted has it or not."""
     written: dict[Position, str] = field(default_factory=dict)
     """Numbers that Compose prints in another way than they are written, by their place."""
 
@@ -51,6 +59,15 @@ class Reading:
             )
         return real
 
+    def note_secrets(self, tree: Value, folders: Collection[str]) -> None:
+        """Note what a file calls secrets' files, wherever its relative paths may begin."""
+        given = tree.get("secrets")
+        for entry in given.data.values() if given is not None and isinstance(given.data, dict) else ():
+            file = entry.get("file")
+            if file is not None and isinstance(file.data, str) and "\0" not in file.data:
+                named = os.path.expanduser(file.data)
+                self.secrets |= {os.path.realpath(os.path.join(folder, named)) for folder in folders}
+
     def text(self, path: str, shown: str, named: Value | None) -> str:
         """Return a file's text; `named` is where a file names it, None for one that the user named.
 
@@ -69,6 +86,21 @@ class Reading:
             raise
         except DefinitionError as error:
             raise _at(error, named) from None
+
+    def variables(self, path: str, shown: str, named: Value | None) -> str:
+        """Return the text of a file of variables, as `text` does; a file names none that is the user's own.
+
+        Its values would be in the experiment under whatever names, where nobody knows them again.
+
+        Raises:
+            Refused: It cannot be read, or must not be.
+        """
+        text = self.text(path, shown, named)
+        if named is not None and (regular_file.is_one_of(os.path.realpath(path), self.own) or is_own(text.encode())):
+            message = f"'{named.data}' holds a password of robots, a key or a secret, and no file may have it read"
+            hint = f"if you mean its variables, name it yourself: --env-file {shlex.quote(shown)}"
+            raise Refused([Diagnostic(named.at, message, hint=hint, code=Code.OUTSIDE)])
+        return text
 
     def one_more(self, at: Position) -> None:
         """Count a file, or a project that is included.

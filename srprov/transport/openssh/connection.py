@@ -83,9 +83,7 @@ class StrictConnection:
             AuthError: The login was refused.
             DeadlineError: It took too long.
         """
-        known = host_keys.known_keys(
-            [*self.settings.known_hosts, *self.settings.global_known_hosts], *host_keys.names_of(self.settings)
-        )
+        known = host_keys.keys_of(self.settings)
         self.client.set_missing_host_key_policy(_Policy(self.settings, known))
         try:
             self.wire = sockets.CountedSocket(self._socket(), self.traffic)

@@ -1,6 +1,7 @@
 """Strict host keys: what known_hosts files say of a robot, and the errors when it shows another key or an unknown one.
 
-Takes file paths, the names to look for and the key that the robot showed; raises HostKeyError or returns. The only
+Takes file paths, the names to look for and the key that the robot showed; raises HostKeyError or returns. A robot is
+known by its address with its port: behind one address there may be several, and none speaks for another. The only
 thing it writes is one line per new robot under `accept-new`. paramiko's own loader forgets file and line, wildcards,
 `!` and `@revoked`; so the files are read here (format: sshd(8), SSH_KNOWN_HOSTS).
 """
@@ -45,8 +46,6 @@ class KnownKey(msgspec.Struct, frozen=True):
     """As in `ssh-ed25519`."""
     blob: bytes
     """The public key as SSH sends it."""
-    bare: bool = False
-    """Found by the host's name alone although its port is not 22; good enough to accept a key, not to refuse one."""
 
     @property
     def fingerprint(self) -> str:
@@ -60,7 +59,7 @@ def fingerprint(blob: bytes) -> str:
 
 
 def names_of(settings: SshSettings) -> tuple[str, str | None]:
-    """Return the name that a host goes by in known_hosts, and the bare one that OpenSSH tries after it."""
+    """Return the name that a host goes by in known_hosts, and the bare one, which is that of whoever has port 22."""
     if settings.host_key_alias:
         return settings.host_key_alias.lower(), None
     host = settings.hostname.lower()
@@ -92,8 +91,16 @@ def _hashed(field: str, name: str) -> bool:
 
 
 def known_keys(files: Sequence[str], name: str, bare: str | None) -> list[KnownKey]:
-    """Read the lines that speak of a host; files that are missing, and lines that are broken, say nothing."""
+    """Read the lines that speak of a host; files that are missing, and lines that are broken, say nothing.
+
+    By its bare name nothing but a revoked key counts: another machine may be there.
+    """
     return [key for file in files for key in _of_file(file, name, bare)]
+
+
+def keys_of(settings: SshSettings) -> list[KnownKey]:
+    """Read the lines that speak of a host."""
+    return known_keys([*settings.known_hosts, *settings.global_known_hosts], *names_of(settings))
 
 
 def _of_file(file: str, name: str, bare: str | None) -> Iterator[KnownKey]:
@@ -105,14 +112,13 @@ def _of_file(file: str, name: str, bare: str | None) -> Iterator[KnownKey]:
         return
     plain = {*named.get(name, ()), *(named.get(bare, ()) if bare else ())}
     for number, marker, patterns, kind, text in sorted((*plain, *others)):
-        by_name = matches(patterns, name)
-        if not by_name and not (bare and matches(patterns, bare)):
+        if not matches(patterns, name) and not (bare and marker == "@revoked" and matches(patterns, bare)):
             continue
         try:
             blob = base64.b64decode(text, validate=True)
         except (ValueError, binascii.Error):
             continue
-        yield KnownKey(file, number, marker, kind, blob, bare=not by_name)
+        yield KnownKey(file, number, marker, kind, blob)
 
 
 @functools.lru_cache(maxsize=8)
@@ -159,8 +165,8 @@ def check(settings: SshSettings, known: Sequence[KnownKey], kind: str, blob: byt
     plain = [k for k in known if not k.marker]
     if any(k.blob == blob for k in plain):
         return
-    if old := [k for k in plain if not k.bare]:
-        raise _changed(settings, next((k for k in old if k.kind == kind), old[0]), kind, blob)
+    if plain:
+        raise _changed(settings, next((k for k in plain if k.kind == kind), plain[0]), kind, blob)
     # accept-new without a place to remember the key would accept any key, every time.
     if not settings.accept_new or settings.known_hosts[:1] in ((), (os.devnull,)):
         raise _unknown(settings, kind, blob, any(k.marker == "@cert-authority" for k in known))
@@ -186,7 +192,10 @@ def _unknown(settings: SshSettings, kind: str, blob: bytes, authority: bool) -> 
     """Say that nothing is on record for a robot, and how to put it there."""
     target = next(iter(settings.known_hosts), os.devnull)
     if settings.proxy_jump or settings.proxy_command or settings.host_key_alias:
-        how = f"connect to it once with ssh, which asks: {sh('ssh', settings.name)}"
+        name, bare = names_of(settings)
+        # where ssh knows the key by the bare name, it would ask nothing and write nothing
+        alias = ("-o", f"HostKeyAlias={name}") if bare else ()
+        how = f"connect to it once with ssh, which asks: {sh('ssh', *alias, settings.name)}"
     else:
         port = ("-p", str(settings.port)) if settings.port != 22 else ()
         how = f"{sh('ssh-keyscan', *port, '-t', _short(kind), settings.hostname)} >> {sh(target)}"

@@ -307,7 +307,7 @@ def test_a_program_in_a_folder_is_not_named(tmp_path: Path, capsys: pytest.Captu
     write(tmp_path / "lab" / "inv", PROGRAM.replace("touch ran", f"touch {tmp_path}/ran"))
     (tmp_path / "lab" / "inv").chmod(0o755)
     assert run(["locks", "-i", str(tmp_path / "lab")]) == 5
-    assert "is not run" in capsys.readouterr().err
+    assert "only an inventory that you name yourself as one is run" in capsys.readouterr().err
     assert not (tmp_path / "ran").exists()
 
 
@@ -325,6 +325,46 @@ def test_the_users_own_configuration_names_a_program_by_its_absolute_path(
 
     assert run(["locks"]) == 5
     assert (tmp_path / "ran").exists() is absolute
+
+
+@pytest.mark.parametrize("absolute", [False, True])
+def test_a_variable_names_a_program_by_its_absolute_path(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], absolute: bool
+) -> None:
+    """One that a shell's profile sets holds in every folder, as a configuration does."""
+    write(tmp_path / "inv", PROGRAM.replace("touch ran", f"touch {tmp_path}/ran; exit 3"))
+    (tmp_path / "inv").chmod(0o755)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("SRPROV_LOCKS_INVENTORY", str(tmp_path / "inv") if absolute else "inv")
+
+    assert run(["locks"]) == 5
+    assert (tmp_path / "ran").exists() is absolute
+    assert absolute or "name it yourself: -i FILE" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("verb", ["apply", "replay", "verify"])
+@pytest.mark.parametrize("by", ["variable", "configuration"])
+def test_a_file_of_signers_that_holds_in_every_folder_has_its_whole_path(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], verb: str, by: str
+) -> None:
+    """Else a project that was cloned would say whose signatures count."""
+    write(tmp_path / "home" / "team", "")
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.delenv("XDG_CONFIG_HOME", raising=False)
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "team", "")
+    write(tmp_path / "x", "no plan")
+    call = [verb, "x", *{"apply": ["-i", "none,"], "replay": ["-i", "none,", "-o", "new"]}.get(verb, [])]
+    for path in ("team", str(tmp_path / "home" / "team")):
+        if by == "variable":
+            monkeypatch.setenv(f"SRPROV_{verb.upper()}_SIGNERS", path)
+        else:
+            write(tmp_path / "home" / ".config" / "srprov" / "srprov.toml", f"[{verb}]\nsigners = '{path}'\n")
+        code, said = run(call), capsys.readouterr().err
+        assert code != 0
+        assert ("would be looked for in whatever folder" in said) is (path == "team"), said
+    run([*call, "--signers", "team"])
+    assert "would be looked for" not in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("seconds", ["inf", "-inf", "nan", "1e300", "86401.0", "-1"])

@@ -9,7 +9,7 @@ from typing import NoReturn
 import pytest
 
 from srprov.cli import cp, inputs
-from srprov.controller import located
+from srprov.controller import located, sent_to
 from srprov.errors import ConnectError
 
 AWAY = located.Located(service="s2", host="robot2", container="srprov.closed.s2")
@@ -26,6 +26,6 @@ def test_a_robot_out_of_reach_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(inputs, name, lambda *_, given=given: given)
     monkeypatch.setattr(inputs, "connect", lambda *_: nullcontext(fleet))
     monkeypatch.setattr(located, "locate", lambda *_: None)
-    monkeypatch.setattr(located, "trusted", lambda *_: AWAY)
+    monkeypatch.setattr(sent_to, "trusted", lambda *_: AWAY)
     with pytest.raises(ConnectError, match="no answer"), cp._located("a.edf", "s2", (), 1, 1.0, ""):
         pass

@@ -173,3 +173,28 @@ def test_a_plan_that_was_written_here_finds_its_edf(private: Path, lab: Path) ->
     assert services(lab / "out" / "r2" / "compose.yml").keys() == {"map"}
     private.write_text(PRIVATE.replace("nobody", "somebody"))
     assert run(["export", "compose", "p.json", "-o", "late"]) == 5
+
+
+def test_an_export_copies_no_secret_key_or_password_unasked(
+    lab: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(lab / "home"))
+    service = '{image: busybox, volumes: ["./ws:/ws"]}'
+    edf = f"edf: 1\nname: demo\nsecrets: {{t: {{file: ws/token}}}}\nservices: {{a: {service}}}\n"
+    (lab / "ws").mkdir()
+    (lab / "e.edf").write_text(edf)
+    (lab / "inv.yml").write_text("all: {hosts: {r1: {ansible_password: kuka-4711}, r2: {}, r3: {}}}\n")
+    given = ("-i", "inv.yml", "--facts", "facts.json")
+    for name, text, words in (
+        ("token", "a token", ()),
+        ("key", "-----BEGIN OPENSSH PRIVATE KEY-----\n", ()),
+        ("hosts", (lab / "inv.yml").read_text(), given),
+        ("hosts", (lab / "inv.yml").read_text(), ()),
+    ):
+        (lab / "ws" / name).write_text(text)
+        assert run(["export", "compose", "e.edf", "-o", "out", *words]) == 9
+        assert f"a: outside ({lab}/ws/{name})" in capsys.readouterr().err
+        assert not (lab / "out").exists()
+        (lab / "ws" / name).unlink()
+        (lab / "ws" / "other").touch()
+    assert run(["export", "compose", "e.edf", "-o", "out", *given]) == 0

@@ -190,6 +190,18 @@ def test_nothing_is_overwritten_and_all_that_is_there_is_named(here: Path, capsy
     assert (here / "talker.cdf").read_text() == "mine"
 
 
+@pytest.mark.parametrize("name", ["group_vars", "host_vars"])
+def test_an_inventory_is_begun_beside_nobody_s_variables(
+    here: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A project that was cloned may bring a ProxyCommand there, which `-i inventory.yml` would run."""
+    (here / name).symlink_to("elsewhere")
+    assert run(["init"]) == 5
+    assert f"{name} would be read with the new inventory.yml" in capsys.readouterr().err
+    assert os.listdir(here) == [name]
+    assert run(["init", "--example", "hello"]) == 0
+
+
 def test_a_folder_that_cannot_be_made_is_told(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "file").write_text("x")
     assert run(["init", "file/new"]) == 5

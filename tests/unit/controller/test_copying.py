@@ -9,7 +9,7 @@ import shutil
 import socket
 import stat
 import tarfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -23,6 +23,7 @@ from srprov.controller.copied_in import Owner, tar_of
 from srprov.controller.copied_out import Target, stays_inside, unpack
 from srprov.controller.copying import InService, copy_into, copy_out, place, raw_into, raw_out
 from srprov.errors import UsageError
+from srprov.record.memory import note_secret_files
 from srprov.transport import tar_stream
 
 TIME = 1_600_000_000
@@ -83,11 +84,11 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def out(engine: Engine, word: str, target: str, *, preserve: bool = False) -> Copied:
+def out(engine: Engine, word: str, target: str, *, preserve: bool = False, believed: Collection[str] = ()) -> Copied:
     source = place(word)
     assert isinstance(source, InService)
     copied = Copied()
-    copy_out(engine, "c", source, target, copied, preserve=preserve)
+    copy_out(engine, "c", source, target, copied, preserve=preserve, believed=believed)
     return copied
 
 
@@ -107,13 +108,13 @@ def tree(folder: Path) -> dict[str, str]:
 @pytest.mark.parametrize("folder", [".git", "sub/.Git", ".hg"])
 def test_a_container_makes_no_repository_here(engine: Engine, here: Path, folder: str) -> None:
     """Settings of one name programs, and a prompt that asks git for its status runs them."""
-    (here / folder).mkdir(parents=True)
-    (here / folder / "config").write_text("mine")
+    (here / "clone" / folder).mkdir(parents=True)
+    (here / "clone" / folder / "config").write_text("mine")
     (engine.root / "out" / folder / "hooks").mkdir(parents=True)
     for name in ("config", "hooks/pre-commit"):
         (engine.root / "out" / folder / name).write_text("its own")
-    copied = out(engine, "s:/out/.", ".")
-    assert tree(here) == {"a.txt": "a", "deep/run.sh": "#!/bin/sh\n", f"{folder}/config": "mine"}
+    copied = out(engine, "s:/out/.", "clone")
+    assert tree(here / "clone") == {"a.txt": "a", "deep/run.sh": "#!/bin/sh\n", f"{folder}/config": "mine"}
     assert [one.partition(":")[0] for one in copied.left_out] == [folder]
 
 
@@ -137,7 +138,6 @@ def test_a_folder_that_is_a_repository_by_itself_comes_as_none(engine: Engine, h
         ("s:/out/a.txt", "b.txt", {"b.txt": "a"}),
         ("s:/out", "new", {"new/a.txt": "a", "new/deep/run.sh": "#!/bin/sh\n"}),
         ("s:/out/", ".", {"out/a.txt": "a", "out/deep/run.sh": "#!/bin/sh\n"}),
-        ("s:/out/.", ".", {"a.txt": "a", "deep/run.sh": "#!/bin/sh\n"}),
         ("s:/out/.", "new", {"new/a.txt": "a", "new/deep/run.sh": "#!/bin/sh\n"}),
         ("s:/latest", "new", {"new/a.txt": "a", "new/deep/run.sh": "#!/bin/sh\n"}),
         ("s:/out/../out//deep/run.sh", ".", {"run.sh": "#!/bin/sh\n"}),
@@ -152,6 +152,61 @@ def test_what_comes_out_lies_where_cp_would_put_it(
     copied = out(engine, word, target)
     assert tree(here) == found
     assert (copied.files, copied.bytes, copied.left_out) == (len(found), sum(map(len, found.values())), [])
+
+
+def test_no_name_that_a_container_chooses_lies_where_the_user_s_programs_look(
+    engine: Engine, here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Variables beside the inventory name programs that run here, and so do settings where somebody works."""
+    mine = here.parent / "mine"
+    for folder in ("home", "lab/host_vars", "lab/robots", "lab/work", "lab/new"):
+        (mine / folder).mkdir(parents=True)
+    (mine / "lab/robots/all.yml").write_text("all: {}")
+    (mine / "robots.yml").symlink_to("lab/robots/all.yml")
+    monkeypatch.setenv("HOME", str(mine / "home"))
+    monkeypatch.chdir(mine / "lab/work")
+    shutil.copytree(engine.root / "out", engine.root / "robots/group_vars")
+    inventory, linked = str(mine / "lab/robots/all.yml"), str(mine / "robots.yml")
+    for word, target, believed in (
+        ("s:/out/.", ".", ()),
+        ("s:/out/.", "..", ()),
+        ("s:/", str(mine / "lab"), ()),
+        ("s:/out/.", str(mine / "home"), ()),
+        ("s:/robots/.", "../robots", (inventory,)),
+        ("s:/robots/.", "../robots", (linked,)),
+        ("s:/robots", "..", ("../robots/all.yml",)),
+        ("s:/robots", "..", ("../robots",)),
+        ("s:/out/.", str(mine), ("nothing.edf", linked)),
+        ("s:/robots/group_vars", "../robots", (inventory,)),
+        ("s:/out/a.txt", "../host_vars/robot1.yml", ("../all.yml",)),
+        ("s:/out/a.txt", "../robots/more.yml", ("../robots",)),
+        ("s:/out", "host_vars", ("robots.yml",)),
+    ):
+        with pytest.raises(UsageError, match="could name programs") as refused:
+            out(engine, word, target, believed=believed)
+        assert refused.value.code is Code.IN_THE_WAY
+    assert [*tree(mine)] == ["lab/robots/all.yml", "robots.yml"]
+    for target in ("new", "../new", "../robots"):
+        out(engine, "s:/out/.", target, believed=(linked,) if target != "../robots" else ())
+    assert {"lab/work/new/a.txt", "lab/new/a.txt", "lab/robots/a.txt"} <= tree(mine).keys()
+
+
+@pytest.mark.parametrize(("word", "target"), [("s:/x/.git", "."), ("s:/x/.git/config", ".git"), ("s:/x", "link/new")])
+def test_nothing_of_a_container_s_goes_into_a_repository_that_is_here(
+    engine: Engine, here: Path, monkeypatch: pytest.MonkeyPatch, word: str, target: str
+) -> None:
+    """Its settings name programs, which the next look at its status runs; also where the user names it himself."""
+    work = here / "CVS" / "work"
+    (work / ".git").mkdir(parents=True)
+    (work / ".git" / "config").write_text("mine")
+    (work / "link").symlink_to(".git")
+    (engine.root / "x/.git").mkdir(parents=True)
+    (engine.root / "x/.git/config").write_text("[core]\nfsmonitor = id\n")
+    monkeypatch.chdir(work)
+    with pytest.raises(UsageError, match=r"lies in \.git: what a container has could name programs"):
+        out(engine, word, target)
+    assert (work / ".git" / "config").read_text() == "mine"
+    out(engine, "s:/out", "new")
 
 
 def test_files_are_their_owners_alone_unless_they_are_to_be_as_they_were(engine: Engine, here: Path) -> None:
@@ -338,6 +393,47 @@ def test_a_link_of_a_project_that_leads_out_of_its_folder_is_not_followed(
     with pytest.raises(UsageError, match="is a link that leads out of its folder"):
         place(word)
     assert place(str(here / "ssh")) == str(here / "ssh")
+
+
+@pytest.fixture
+def clone(here: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A project that was cloned with a token, with an inventory and the file of a secret of the user's in it."""
+    for name in (".git/config", "conf/inventory.yml", "keys/token", "map.pgm"):
+        (here / name).parent.mkdir(exist_ok=True)
+        (here / name).write_text("ansible_password: mine" if "inventory" in name else f"url of {name}")
+    note_secret_files([str(here / "keys/token")])
+    monkeypatch.chdir(here)
+    return here
+
+
+def sent(path: str) -> tuple[list[str], int]:
+    """Return the files that a copy has, and how many were left out."""
+    copied = Copied()
+    with tarfile.open(fileobj=io.BytesIO(b"".join(tar_of(path, "x", Owner(), copied)))) as read:
+        return sorted(one.name for one in read if one.isreg()), len(copied.left_out)
+
+
+def test_a_link_of_a_project_leads_to_nothing_that_is_the_users_own(clone: Path) -> None:
+    """By `params.yaml` a container had the token in the clone's address, or robots' password."""
+    (clone / "params.yaml").symlink_to(".git/config")
+    with pytest.raises(UsageError, match="is a link that leads into a repository"):
+        place("params.yaml")
+    for name, leads_to in {"a": "conf/inventory.yml", "b": "keys/token", "c": "map.pgm", "d": "conf", "e": "."}.items():
+        (clone / name).symlink_to(leads_to)
+    assert [sent(place(name)) for name in "abcd"] == [([], 1), ([], 1), (["x"], 0), ([], 1)]  # type: ignore[arg-type]
+    assert sent("e") == (["x/map.pgm"], 3)
+    # by its own name it is the user's word
+    assert [sent(name) for name in (".git/config", "conf/inventory.yml", "keys")] == [
+        (["x"], 0), (["x"], 0), (["x/token"], 0),
+    ]  # fmt: skip
+
+
+def test_a_second_name_that_an_archive_gave_a_file_of_the_users_own_is_left_out(clone: Path) -> None:
+    for name, other in {"a": ".git/config", "b": "conf/inventory.yml", "c": "keys/token", "d": "map.pgm"}.items():
+        os.link(clone / other, clone / name)
+    assert [sent(name) for name in "abcd"] == [([], 1), ([], 1), ([], 1), (["x"], 0)]
+    # a clone of a folder shares files of its `.git` with that
+    assert sent(".git") == (["x/config"], 0)
 
 
 def test_a_link_that_stays_in_its_folder_is_followed(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:

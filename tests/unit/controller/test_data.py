@@ -13,6 +13,7 @@ from msgspec.structs import replace
 from srprov.controller.data import data_now, held_fast, holdings
 from srprov.controller.data_owner import check_owner, check_saved
 from srprov.controller.data_plan import plan_data
+from srprov.controller.kept import remedy, volume_rows
 from srprov.controller.owners import Owner, identity, keep, owners_folder, owners_of, read_owner
 from srprov.controller.permissions import permit_run
 from srprov.controller.request import PlanRequest
@@ -216,3 +217,11 @@ def test_a_plan_cannot_have_data_removed_that_was_not_copied() -> None:
     whole = robots(r1=volume("r1"), r2=volume("r2", LATE, copy=label))
     (removal,) = diff([wants(label)], whole.observed, "x")[0]
     assert (removal.host, removal.change.action, removal.change.destructive) == ("r1", Action.DELETE, False)
+
+
+def test_kept_data_is_removed_on_its_robot_alone() -> None:
+    """A robot may call a volume of its own one of an instance that runs on others: `doctor` says what removes it."""
+    box = Observed(module="container", name="srprov.x.a", instance="x", state={})
+    found = Snapshot(facts={}, observed={"r1": (volume("r1"),), "r2": (box, volume("r2"))})
+    (row,) = volume_rows(found, "", kept=True)
+    assert remedy(row) == "srprov destroy --instance x --volumes --limit r1"

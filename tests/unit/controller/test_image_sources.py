@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -9,17 +10,19 @@ from typing import Any
 import pytest
 
 from srprov.controller import bundled as bundles
-from srprov.controller.image_builders import counted
+from srprov.controller.image_builders import counted, proofs_of
 from srprov.controller.remembering import note_built
 from srprov.controller.request import BundledImage
 from srprov.controller.robot_images import robot_images
 from srprov.definitions.containermodel import Runtime
-from srprov.definitions.model import Experiment, Inventory, Service
+from srprov.definitions.model import Experiment, Host, Inventory, Service
 from srprov.facts.model import Docker, HostFacts, Snapshot
 from srprov.facts.stored_look import StoredLook
 from srprov.images.plan import ImagePlan
 from srprov.record.memory import built_for, known_images, note_images
 from srprov.resource import Observed
+from srprov.transport import on_record
+from srprov.transport.openssh.host_keys import fingerprint
 
 TAG = "srprov/x:0123456789abcdef"
 BUILT = built_for(TAG, "amd64")
@@ -53,7 +56,7 @@ def sources(
             {TAG},
             builders,
             Snapshot(facts=facts, observed=observed, unreachable=dict.fromkeys(away, "")),
-            "{} proof".format,
+            lambda name: {f"{name} proof"},
         ),
         copy_way="",
         copied={},
@@ -134,11 +137,42 @@ def test_what_was_built_by_a_robot_that_would_not_build_now_is_no_source() -> No
     assert sources({BUILT: {"sha256:1 other"}}, c="sha256:1", away=("other",)) == {"b": ("copy", "c sha256:1")}
     facts = {"a": HostFacts(name="a", arch="amd64", docker=Docker(version="20.10", api_version="1.41"))}
     known = {BUILT: {"sha256:1 a another-key", "sha256:2", "sha256:3 a key"}}
-    found = counted(known, {TAG}, (), Snapshot(facts=facts, observed={}), lambda name: f"{name} key")
-    assert counted(known, {TAG}, ("c",), Snapshot(facts=facts, observed={}), "{} key".format) == {BUILT: frozenset()}
+    found = counted(known, {TAG}, (), Snapshot(facts=facts, observed={}), key)
+    assert counted(known, {TAG}, ("c",), Snapshot(facts=facts, observed={}), key) == {BUILT: frozenset()}
     nobody = StoredLook(Inventory(hosts={}, groups={}), Snapshot(facts=facts, observed={}))
-    assert counted(known, {TAG}, (), nobody.first(), nobody.identity) == {BUILT: frozenset()}
+    assert counted(known, {TAG}, (), nobody.first(), proofs_of(nobody, nobody.first())) == {BUILT: frozenset()}
     assert found == {BUILT: {"sha256:3"}}, "a name alone is no proof, and what an older srprov noted has none"
+
+
+def key(name: str) -> set[str]:
+    """Tell what a robot proves to be."""
+    return {f"{name} key"}
+
+
+def test_a_builder_that_is_away_goes_by_the_host_keys_that_are_on_record_for_it(tmp_path: Path) -> None:
+    """Another inventory may give its name to a robot that built for itself alone."""
+    blob, other = (base64.b64encode(text).decode() for text in (b"its own", b"another's"))
+    file = tmp_path / "known_hosts"
+    file.write_text(f"10.0.0.1 ssh-ed25519 {blob}\n10.0.0.9 ssh-ed25519 {other}\n", encoding="utf-8")
+    options = (("userknownhostsfile", str(file)), ("globalknownhostsfile", "none"))
+    host = Host(name="x", address="10.0.0.1", ssh_options=options)
+    facts = {"c": HostFacts(name="c", arch="amd64", docker=Docker(version="20.10", api_version="1.41"))}
+    away = Snapshot(facts=facts, observed={}, unreachable={"x": "", "y": ""})
+    look = StoredLook(Inventory(hosts={"x": host}, groups={}), away)
+    right, wrong = (f"x {fingerprint(text)}" for text in (b"its own", b"another's"))
+    known = {BUILT: {f"sha256:1 {right}", f"sha256:evil {wrong}", "sha256:evil y key", "sha256:evil x"}}
+    assert counted(known, {TAG}, ("x", "c"), away, proofs_of(look, away)) == {BUILT: {"sha256:1"}}
+    file.write_text(f"{file.read_text()}@revoked * ssh-ed25519 {blob}\n", encoding="utf-8")
+    assert counted(known, {TAG}, ("x", "c"), away, proofs_of(look, away)) == {BUILT: frozenset()}
+    assert on_record(Host(name="x", address="x", connection="local")) == {"x local"}
+    unsettled = Host(name="x", address="10.0.0.1", ssh_options=(*options, ("port", "none")))
+    assert on_record(unsettled) == frozenset()
+
+
+def test_a_robot_that_names_another_one_as_builder_in_an_id_is_no_source() -> None:
+    """It said so when it built alone; the one that it names is a builder here, and is away."""
+    said = {BUILT: {"sha256:evil x a"}}
+    assert sources(said, builders=("x", "c"), a="sha256:evil", away=("x",)) == {"c": ("build", ""), "b": ("copy", "c")}
 
 
 def test_what_was_built_for_another_architecture_is_no_source() -> None:

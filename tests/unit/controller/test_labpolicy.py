@@ -12,6 +12,7 @@ from srprov.controller import labpolicy
 from srprov.controller.labpolicy import enforce, narrowed, read_policies
 from srprov.controller.permissions import permit_run
 from srprov.controller.request import BundledImage
+from srprov.definitions import load_inventory
 from srprov.definitions.labpolicy import LabPolicy, load
 from srprov.definitions.model import Host, Inventory
 from srprov.errors import DefinitionError, RefusedError
@@ -66,6 +67,18 @@ def test_kinds_are_allowed_per_group_of_the_inventory(tmp_path: Path) -> None:
     permit_run(made, ("all",), ARMS, given)
     elsewhere = replace(made, assignment={"a": "r2"})
     assert "does not allow device on r2" in refused(elsewhere, given)
+
+
+def test_no_project_puts_a_robot_into_a_group_of_the_policy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its configuration names an inventory of its own; one that the user named has groups that count."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "hosts.ini").write_text("[arms]\nr1\n")
+    given = policies(tmp_path, "allow:\n  all: []\n  arms: [device]\n")
+    made = plan(devices=(("/dev/x", "/dev/x", "rw"),))
+    permit_run(made, ("all",), load_inventory(["hosts.ini"]), given)
+    with pytest.raises(RefusedError, match="does not allow device on r1") as caught:
+        permit_run(made, ("all",), load_inventory(["hosts.ini"], unnamed=["hosts.ini"]), given)
+    assert "-i" in caught.value.hint
 
 
 def test_a_playbook_is_about_all_robots_also_where_a_service_has_its_name(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from srprov.controller.pins import differences, names_of, pinned
 from srprov.controller.source import read_definitions
 from srprov.definitions import check_files, load_experiment
 from srprov.definitions.lockfile import Lock, Packages, dump, load, lock_path
+from srprov.definitions.model import Inventory
 from srprov.errors import DefinitionError, RefusedError, UsageError
 from srprov.execution.packages import NoListing
 from srprov.facts.model import Snapshot
@@ -27,6 +28,8 @@ from srprov.resource import Observed
 from srprov.session import Pulse
 from srprov.wire import AnyQuery, EngineQuery, Reply
 from tests.fakes import World
+
+NO_ROBOTS = Inventory(hosts={}, groups={})
 
 OLD, NEW = "sha256:" + "1" * 64, "sha256:" + "2" * 64
 BUSYBOX, DEBIAN = "docker.io/library/busybox:latest", "docker.io/library/debian:bookworm"
@@ -179,7 +182,7 @@ def test_what_is_locked_stays_until_it_is_named(here: Path, monkeypatch: pytest.
 
     def made(old: Lock, *update: str) -> Lock:
         asked.clear()
-        return locking.finished(locking.draft("e.edf", old, update, {"git"}), look_up)
+        return locking.finished(locking.draft("e.edf", old, update, {"git"}, NO_ROBOTS), look_up)
 
     first = made(Lock())
     assert asked == [("https://h/x.git", "main"), BUSYBOX, DEBIAN]
@@ -313,7 +316,7 @@ def test_what_a_build_added_to_its_base_is_recorded_once(here: Path, monkeypatch
     def recorded(images: Mapping[str, Mapping[str, str]], old: Lock = lock, *update: str) -> Any:
         fleet = _Fleet(images)
         monkeypatch.setattr(package_records, "packages_in", fleet.packages_in)
-        made = locking.draft("e.edf", old, update, ())
+        made = locking.draft("e.edf", old, update, (), NO_ROBOTS)
         look: Any = fleet
         return (*package_records.with_records(lock, made, look, fleet.robots.sessions()), fleet)
 
@@ -349,7 +352,7 @@ def test_a_robot_that_is_held_is_not_read(here: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(package_records, "packages_in", fleet.packages_in)
     held = fleet.robots.robots["r1"].open_lock_channel("", ['{"owner": "anna@lab"}'], Pulse())
     look: Any = fleet
-    draft = locking.draft("e.edf", lock, (), ())
+    draft = locking.draft("e.edf", lock, (), (), NO_ROBOTS)
     none, (line,) = package_records.with_records(lock, draft, look, fleet.robots.sessions())
     assert none.packages == () and "r1 is held by anna@lab" in line and fleet.read == []
     assert fleet.robots.robots["r1"].holder is held

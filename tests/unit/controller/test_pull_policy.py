@@ -61,6 +61,20 @@ def test_always_puts_in_what_the_tags_are_now_and_asks_robots_that_run_them(here
     assert not asked
 
 
+def test_a_robot_says_what_others_get_only_where_these_say_the_same(here: Path) -> None:
+    """One of two services of a definition wants the newest, and its robot alone would pick the base of both."""
+
+    def ask(questions: Mapping[str, Sequence[AnyQuery]]) -> dict[str, Sequence[Reply]]:
+        said = {host: json.dumps({"Descriptor": {"digest": f"sha256:{host[1] * 64}"}}) for host in questions}
+        return {
+            host: [Reply(status=200, ok=True, out=said[host])] * len(queries) for host, queries in questions.items()
+        }
+
+    read = load_experiment(_edf("a: {cdf: a.cdf}", "b: {cdf: a.cdf, pull_policy: missing}"), {})
+    with pytest.raises(UsageError, match="robots disagree about debian"):
+        with_fresh(read, read.experiment, {"a": "r1", "b": "r2"}, ["r1", "r2"], ask, ())
+
+
 @pytest.mark.parametrize("policy", ["missing", "if_not_present", "always", "never"])
 def test_values_of_compose_are_taken(here: Path, policy: str) -> None:
     read = load_experiment(_edf(f"a: {{image: busybox, pull_policy: {policy}}}"), {})

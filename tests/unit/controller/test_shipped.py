@@ -123,6 +123,8 @@ def test_what_is_shipped_leaves_git_out(tmp_path: Path, kind: str) -> None:
     (tmp_path / "src" / "below" / ".hg").mkdir(parents=True)
     (tmp_path / "src" / "below" / ".hg" / "hgrc").write_text("default = https://me:token@example.com\n")
     (inner / "config").write_text("url = https://token@example.com\n")
+    (tmp_path / "src" / "_darcs").mkdir()
+    (tmp_path / "src" / "_darcs" / "defaultrepo").write_text("https://me:token@example.com\n")
     (tmp_path / "src" / "a.py").touch()
 
     def shipped(path: Path) -> list[str]:
@@ -132,7 +134,20 @@ def test_what_is_shipped_leaves_git_out(tmp_path: Path, kind: str) -> None:
 
     assert "a.py" in " ".join(shipped(tmp_path / "src")) and ".git" not in " ".join(shipped(tmp_path / "src"))
     assert ".hg" not in " ".join(shipped(tmp_path / "src"))
+    assert "_darcs" not in " ".join(shipped(tmp_path / "src"))
     assert "config" in " ".join(shipped(inner))
+
+
+@pytest.mark.parametrize("above", ["CVS", "_MTN/robots", ".repo"])
+def test_what_is_shipped_leaves_git_out_whatever_the_folders_above_are_called(tmp_path: Path, above: str) -> None:
+    """Who clones a project takes its name for the folder, and a stranger gave it that name."""
+    clone = tmp_path / above
+    (clone / ".git").mkdir(parents=True)
+    (clone / ".git" / "config").write_text("url = https://me:token@example.com\n")
+    (clone / "a.py").touch()
+    with tarfile.open(fileobj=io.BytesIO(disk.tree_tar(str(clone)))) as tar:
+        assert tar.getnames() == [clone.name, f"{clone.name}/a.py"]
+    assert [one.path for one in disk.shipped(str(clone))] == ["a.py"]
 
 
 def _large(saved: planfile.PlanFile, blobs: dict[str, bytes]) -> dict[str, Any]:

@@ -120,12 +120,12 @@ def test_a_secret_of_one_robot_is_written_nowhere_for_another(tmp_path: Path) ->
     two = Robot(boxes=[box(2, "web", ["URL=http://x/?q=hunter2-and-more", "WHO=hunter2-and-more"])])
     document, edf, written = taken(tmp_path / "out", r1=one, r2=two)
     assert "hunter2" not in written + json.dumps(document)
-    assert edf["services"]["web"]["environment"] == ["URL=http://x/?q=HIDDEN", "WHO=HIDDEN"]
-    assert edf["secrets"] == {"db-password": {"env": "DB__PASSWORD"}}
+    assert "web" not in edf["services"] and "container web: its environment holds" in written
+    assert edf["secrets"] == {"db-password": {"env": "R1__DB__PASSWORD"}}
 
 
 def test_what_a_robot_calls_a_secret_makes_no_container_of_another_do_something_else(tmp_path: Path) -> None:
-    """With `***` in a script, `rm -rf /data/cache/*` removed all that the container could write to."""
+    """With `***` in a script, `rm -rf /data/cache/*` removed all that the container could write to: no word is lost."""
     lies = [
         f"{name}_PASSWORD={word}" for name, word in zip("ABC", ("data/cache", "no-new-privileges", "ALL"), strict=True)
     ]
@@ -134,18 +134,43 @@ def test_what_a_robot_calls_a_secret_makes_no_container_of_another_do_something_
     limited = [box(3, "a", CapDrop=["ALL"]), box(4, "b", SecurityOpt=["no-new-privileges"])]
     two = Robot(boxes=[cleaner, *limited])
     _, edf, written = taken(tmp_path / "out", r1=Robot(boxes=[box(1, "lies", lies)]), r2=two)
-    assert edf["services"]["cleaner"]["command"] == ["sh", "-c", "rm -rf /HIDDEN/*"]
-    assert not {"a", "b"} & edf["services"].keys() and "container a: its cap" in written
+    assert not {"a", "b", "cleaner"} & edf["services"].keys() and "container a: its cap" in written
     _, edf, _ = taken(tmp_path / "alone", r2=two)
-    assert {"a", "b"} < edf["services"].keys()
+    assert {"a", "b", "cleaner"} < edf["services"].keys()
 
 
-def test_a_mark_that_is_a_part_of_a_secret_is_not_hidden_once_more(tmp_path: Path) -> None:
-    lies = ["A_PASSWORD=data/cache", "B_PASSWORD=rm -rf /HIDDEN"]
-    script = {"Cmd": ["sh", "-c", "rm -rf /data/cache/*"]}
-    cleaner = {**box(2, "cleaner"), "Config": {**box(2, "cleaner")["Config"], **script}}
-    _, edf, _ = taken(tmp_path / "out", r1=Robot(boxes=[box(1, "lies", lies)]), r2=Robot(boxes=[cleaner]))
-    assert "cleaner" not in edf["services"]
+def test_what_a_robot_calls_a_secret_takes_no_setting_from_a_container_of_another(tmp_path: Path) -> None:
+    """With another name of the variable, a container that asks for a login gave all it had to whoever came."""
+    words = ("REQUIRE_LOGIN", "required", "lab.example.guarded", "net.ipv4.tcp_syncookies", "max-size")
+    lies = [f"{name}_TOKEN={word}" for name, word in zip("ABCDE", words, strict=True)]
+
+    def told(index: int, name: str, **config: object) -> dict[str, Any]:
+        return {**box(index, name), "Config": {**box(index, name)["Config"], **config}}
+
+    boxes = [
+        told(2, "named", Env=["REQUIRE_LOGIN=yes"]),
+        told(3, "valued", Env=["LOGIN=required"]),
+        told(4, "labelled", Labels={"lab.example.guarded": "yes"}),
+        box(5, "tuned", Sysctls={"net.ipv4.tcp_syncookies": "1"}),
+        box(6, "short", LogConfig={"Type": "json-file", "Config": {"max-size": "1m"}}),
+    ]
+    names = {"named", "valued", "labelled", "tuned", "short"}
+    _, edf, written = taken(tmp_path / "out", r1=Robot(boxes=[box(1, "lies", lies)]), r2=Robot(boxes=boxes))
+    assert not names & edf["services"].keys() and "container tuned: its sysctls holds" in written
+    _, edf, _ = taken(tmp_path / "alone", r2=Robot(boxes=boxes))
+    assert names < edf["services"].keys()
+
+
+def test_what_a_robot_calls_a_secret_makes_no_host_of_another_something_else(tmp_path: Path) -> None:
+    """`sleep infinity` is what the image of a host does; a name of a package may be such a word, too."""
+    lies, two = (
+        Robot(boxes=[box(1, "lies", ["API_TOKEN=infinity"])]),
+        Robot(boxes=[box(2, "b", ["A_TOKEN=r2-own-one"])]),
+    )
+    _, edf, written = taken(tmp_path / "out", r1=lies, r2=two)
+    assert "r2-host" not in edf["services"] and "b" in edf["services"] and "host r2: a word of it is" in written
+    _, edf, _ = taken(tmp_path / "alone", r2=two)
+    assert "r2-host" in edf["services"]
 
 
 def test_a_password_in_a_health_check_is_hidden_as_in_a_command(tmp_path: Path) -> None:

@@ -26,6 +26,9 @@ def on_network(made: dict[str, Any], *aliases: str) -> dict[str, Any]:
         box(2, "web", ["URL=redis://redis:6379/0"]),
         with_config(box(2, "web"), Cmd=["web", "--cache=Redis"]),
         with_config(box(2, "web"), Entrypoint=["client", "-hredis"]),
+        with_config(box(2, "web"), Cmd=["sh", "-c", "printf 'machine\\tredis\\tlogin a' > ~/.netrc; web"]),
+        box(2, "web", ["URL=mq%3A%2F%2Fredis%3A6379"]),
+        box(2, "web", ['HOSTS={"all": "a\\u0026redis"}']),
         with_config(box(2, "web"), Healthcheck={"Test": ["CMD", "nc", "redis", "6379"]}),
         on_network(box(2, "shop-redis-1"), "redis"),
         box(2, "web", ExtraHosts=["redis:10.0.0.9"]),
@@ -42,6 +45,12 @@ def test_no_robot_has_a_name_by_which_others_mean_a_host(tmp_path: Path, honest:
         mine = {name: one for name, one in edf["services"].items() if one["robot"] == names[0] and "cdf" not in one}
         assert set(mine) == {f"redis-{names[0]}", "other"} and "hostname" not in mine["other"]
         assert "use the name redis for something else" in str(document)
+
+
+def test_a_word_that_only_ends_like_a_name_is_another_one(tmp_path: Path) -> None:
+    honest = box(2, "web", ["URL=http://predis/fastredis", "A=my-redis"])
+    _, edf, _ = taken(tmp_path / "out", r1=Robot(boxes=[box(1, "redis")]), r2=Robot(boxes=[honest]))
+    assert "redis" in edf["services"]
 
 
 def test_a_name_with_the_robot_s_behind_it_is_none_of_others_either(tmp_path: Path) -> None:

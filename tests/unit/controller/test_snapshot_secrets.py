@@ -37,8 +37,32 @@ def test_no_robot_gets_the_secret_of_another_by_the_name_of_its_own(
         assert len(set(variables)) == 2 and sorted(variables) == sorted(one["env"] for one in document["secrets"])
 
 
+def test_no_robot_gets_what_the_user_set_for_another_one_s_snapshot(tmp_path: Path) -> None:
+    """Robots are looked at one after the other, and the user's variables stay set: each is of one robot."""
+    found = []
+    for number, (robot, name, key) in enumerate((("r2", "db", "PASSWORD"), ("r1", "db", "PASSWORD")), 1):
+        one = Robot(boxes=[box(number, name, [f"{key}=hunter2-and-{number}"])])
+        _, edf, _ = taken(tmp_path / f"out{number}", **{robot: one})
+        found += [one["env"] for one in edf["secrets"].values()]
+    assert found == ["R2__DB__PASSWORD", "R1__DB__PASSWORD"]
+
+
+def test_no_variable_of_a_robot_begins_as_those_of_another_one() -> None:
+    """Whatever its containers and their variables are called, and in whatever snapshot."""
+    robots = ["r", "r-1", "r_1", "R-1", "r.1", "r--1", "r-1-", "r-1__db", "1", "s1", "é", "è", "r-1-db", "x" * 253]
+    begun = {robot: SecretNames().of(robot)("db", "PASSWORD")[1].removesuffix("DB__PASSWORD") for robot in robots}
+    assert begun["r"] == "R__" and begun["r-1"] == "R_1__"
+    lies = [(one, key) for one in ("db", "1", "1__db", "-1") for key in ("PASSWORD", "_PASSWORD", "DB__PASSWORD")]
+    for robot, begin in begun.items():
+        names = SecretNames()
+        for _ in range(3):
+            assert all(names.of(robot)(*lie)[1].startswith(begin) for lie in lies)
+        assert begin[0].isalpha() and not [one for one in begun.values() if one != begin and one.startswith(begin)]
+    assert len(set(begun.values())) == len(robots)
+
+
 def test_names_of_secrets_without_end_are_given_in_time() -> None:
     given, begun = SecretNames(), time.monotonic()
-    every = [given.give("s" * 50, "k" * 20 + "!@$%^&*"[number % 7]) for number in range(100_000)]
+    every = [given.of("r1")("s" * 50, "k" * 20 + "!@$%^&*"[number % 7]) for number in range(100_000)]
     assert len({secret for secret, _ in every}) == len({variable for _, variable in every}) == len(every)
     assert max(map(len, (name for both in every for name in both))) <= 200 and time.monotonic() - begun < 10

@@ -45,5 +45,8 @@ def test_what_comes_from_nowhere_or_goes_nowhere_is_refused_when_a_plan_file_is_
     plan = Plan(instance="x", source="s", steps=(), secrets=(SecretSource(name="token"),))
     with pytest.raises(UsageError, match="'token' comes from nowhere"):
         load(dump(PlanFile(plan=plan, fingerprints={})), "plan.json")
+    plan = Plan(instance="x", source="s", steps=(), secrets=(SecretSource(name="token", env="XDG_STATE_HOME"),))
+    with pytest.raises(UsageError, match="a variable that srprov itself goes by"):
+        load(dump(PlanFile(plan=plan, fingerprints={})), "plan.json")
     with pytest.raises(ParameterError, match="'' is no IPv4 address"):
         check_addresses("to", "10.0.0.1", "")

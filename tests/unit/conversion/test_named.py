@@ -39,6 +39,23 @@ def private(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return away
 
 
+@pytest.mark.parametrize("kind", ["link", "second name"])
+def test_no_line_of_what_version_control_keeps_is_shown(
+    private: Path, capsys: pytest.CaptureFixture[str], kind: str
+) -> None:
+    """It lies in the project's own folder, and an archive may have given it another name there."""
+    (Path("project") / ".git").mkdir()
+    kept, named = Path("project/.git/config"), Path("project/more-compose.yml")
+    kept.write_text(f"[remote]\n\t{CANARY} = 1\n")
+    if kind == "link":
+        named.symlink_to(".git/config")
+    else:
+        named.hardlink_to(kept)
+    assert run(["import", "compose", str(named), "-o", "new"]) == 5
+    said = capsys.readouterr()
+    assert CANARY not in said.out + said.err and "into a repository" in said.out + said.err
+
+
 @pytest.mark.parametrize(
     "words",
     [

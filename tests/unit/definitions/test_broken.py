@@ -11,6 +11,8 @@ import pytest
 import yaml
 
 from srprov.cli.main import run
+from srprov.definitions import load_inventory
+from srprov.errors import DefinitionError
 
 CASES = Path(__file__).parents[2] / "cases" / "broken"
 MARK = "▶"
@@ -67,6 +69,19 @@ def test_problem_is_told_at_its_place(
     for hint in case.get("hints", []):
         assert f"hint: {hint}" in shown.out
     assert "Traceback" not in shown.out + shown.err
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("echo no such lab >&2\nexit 3\n", "'--list' ended with 3: no such lab"), ("echo hello\n", "printed no JSON")],
+)
+def test_a_program_that_gives_no_inventory_is_told(tmp_path: Path, text: str, words: str) -> None:
+    """By verbs that run it."""
+    _write(tmp_path, {"files": {}, "programs": {"inv.sh": f"#!/bin/sh\n{text}"}})
+    with pytest.raises(DefinitionError) as refused:
+        load_inventory([tmp_path / "inv.sh"])
+    (problem,) = refused.value.problems
+    assert str(problem.location) == f"{tmp_path}/inv.sh:1:1" and words in problem.message
 
 
 def test_there_are_many_kinds_of_broken_files() -> None:

@@ -75,6 +75,16 @@ def test_a_definition_that_could_be_run_is_not(tmp_path: Path, name: str) -> Non
     assert not ran.exists()
 
 
+@pytest.mark.parametrize("name", ["run.yml", "run.json", "run", "inventory.sh", "a.edf~"])
+def test_no_file_that_is_validated_is_run(tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
+    """Whatever it is called: a CI validates what a pattern finds in a stranger's branch, an editor what is open."""
+    ran, program = tmp_path / "ran", tmp_path / name
+    program.write_text(f"#!/bin/sh\ntouch {ran}\necho '{{}}'\n")
+    program.chmod(0o755)
+    assert run(["validate", "--", str(program)]) == 5
+    assert "SRP-204" in capsys.readouterr().out and not ran.exists()
+
+
 def test_a_definition_is_none_of_ansible_s_inventories(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Of one, variables beside it would be read, wherever links lead, and keys that it names."""
     (tmp_path / "a.edf.yml").write_text("all: {hosts: {robot1: {ansible_ssh_private_key_file: /none}}}\n")

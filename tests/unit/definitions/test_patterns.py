@@ -137,8 +137,11 @@ def test_no_line_of_a_file_elsewhere_is_shown(tmp_path: Path, monkeypatch: pytes
     monkeypatch.chdir(tmp_path / "project")
     Path("robots.txt").symlink_to(tmp_path / "key")
     Path("up").symlink_to(tmp_path)
-    for term in ("@robots.txt", "@./robots.txt", "@up/key"):
-        with pytest.raises(UsageError, match="is a link that leads out of its folder") as refused:
+    Path(".git").mkdir()
+    Path(".git/credentials").write_text("secret\n")
+    Path("list").symlink_to(".git/credentials")
+    for term in ("@robots.txt", "@./robots.txt", "@up/key", "@list"):
+        with pytest.raises(UsageError, match=r"is a link that leads (out of its folder|into a repository)") as refused:
             select(LAB, term)
         assert "secret" not in str(refused.value) + refused.value.hint
 

@@ -108,6 +108,29 @@ def test_an_experiment_of_which_nothing_is_wanted_is_refused(tmp_path: Path) -> 
         read_definitions(str(path), ())
 
 
+def test_what_was_read_elsewhere_is_asked_for_also_where_the_profile_is_off(tmp_path: Path) -> None:
+    """A record has it, and then a bundle. What would only be shipped goes nowhere."""
+    (tmp_path / "e").mkdir()
+    (tmp_path / "Dockerfile").write_text("FROM busybox\nENV TOKEN=mine\n")
+    (tmp_path / "base.cdf").write_text("cdf: 1\nimage: busybox\n")
+    services = "{a: {image: x}, b: {cdf: ../Dockerfile, profiles: [p]}, c: {cdf: ../base.cdf, profiles: [p]}}"
+    path = tmp_path / "e/e.edf"
+    path.write_text(f"edf: 1\nname: a\nservices: {services}\n")
+    read = {("b", str(tmp_path / "Dockerfile")), ("c", str(tmp_path / "base.cdf"))}
+    off = read_definitions(str(path), ()).experiment
+    assert set(off.outside) == read
+    assert {one for one in off.contents if not one.startswith(str(path.parent))} == {one for _, one in read}
+    assert set(read_definitions(str(path), (), ("p",)).experiment.outside) == {*read, ("b", f"{tmp_path}/")}
+
+
+def test_what_an_unwanted_service_takes_is_known_for_who_reads_the_edf_again(tmp_path: Path) -> None:
+    """Without its variables a record of a run could not be read, and the run not be bundled."""
+    path = tmp_path / "e.edf"
+    path.write_text("edf: 1\nname: a\nservices: {a: {image: x}, b: {image: x, profiles: [p], environment: [TOKEN]}}\n")
+    off = chosen(load_experiment(path, {"TOKEN": "mine"}), ()).experiment
+    assert (off.environment, off.variables) == ((), ("TOKEN",))
+
+
 def test_a_service_whose_profile_is_off_is_removed_where_it_runs() -> None:
     """It is a `-` step like that of any service that the EDF has no more, and nothing else changes."""
     world = World().add("r1")

@@ -91,6 +91,8 @@ def test_a_service_over_its_cdf(tmp_path: Path) -> None:
     [
         ("labels: {srprov.instance: x}", "the label 'srprov.instance' is srprov's own"),
         ("labels: [srprov=x]", "the label 'srprov' is srprov's own"),
+        ("labels: [com.docker.compose.project=x]", "'com.docker.compose.project' is one that Docker's own"),
+        ("labels: {io.docker.x: y}", "the label 'io.docker.x' is one that Docker's own programs go by"),
         ("hostname: b", "'b' is the name of the service 'b'"),
         ("hostname: B", "'B' is the name of the service 'b'"),
         ("hostname: localhost", "'localhost' is the name of the container itself"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import sys
 import time
 from collections.abc import Iterator
@@ -12,8 +13,9 @@ from pathlib import Path
 import psutil
 import pytest
 
+from srprov import private
 from srprov.definitions import check_files, load_experiment
-from srprov.definitions.secretmodel import SecretSource, SecretUse
+from srprov.definitions.secretmodel import SecretSource, SecretUse, is_gone_by
 from srprov.definitions.secretvalues import resolve, used
 from srprov.errors import DefinitionError, Location
 from srprov.planning.policy import permissions
@@ -266,3 +268,23 @@ def test_a_command_has_a_deadline(tmp_path: Path, how: str) -> None:
     while left := running(int(mark.read_text())):  # the kernel takes a moment to end what was killed
         assert time.monotonic() - begun < 10, left
         time.sleep(0.05)
+
+
+@pytest.mark.parametrize(
+    "name", ["XDG_STATE_HOME", "XDG_CONFIG_HOME", "HOME", "SRPROV_RUNS", "SUDO_UID", "SSH_AUTH_SOCK"]
+)
+def test_no_variable_that_srprov_goes_by_is_a_secret(tmp_path: Path, name: str) -> None:
+    """It would leave the environment: which files secrets were read from would be noted where nobody looks again."""
+    with pytest.raises(DefinitionError) as told:
+        load_experiment(write(tmp_path, "secrets: [token]", f"token: {{env: {name}}}"), {})
+    assert [one.message.partition(", and")[0] for one in told.value.problems] == [
+        f"'{name}' is a variable that srprov itself goes by"
+    ]
+
+
+def test_what_srprov_goes_by_is_known() -> None:
+    """Each variable that it looks at by name."""
+    sources = Path(private.__file__).parent.rglob("*.py")
+    looked_at = {name for one in sources for name in re.findall(r'\benviron(?:\.get\(|\[)"(\w+)"', one.read_text())}
+    assert {"HOME", "XDG_STATE_HOME", "DOCKER_HOST"} <= looked_at
+    assert not [name for name in looked_at if not is_gone_by(name)]

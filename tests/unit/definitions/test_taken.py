@@ -12,6 +12,7 @@ from srprov.cli.main import run
 from srprov.definitions import check_files, homes, load_experiment, load_inventory
 from srprov.errors import DefinitionError
 from srprov.planning.policy import permissions
+from srprov.record.memory import note_secret_files
 from srprov.secret import forget, redact
 
 MARK = "hunter2-in-a-line-of-a-foreign-file"
@@ -90,6 +91,59 @@ def test_what_lies_in_the_folder_asks_for_nothing(here: Path) -> None:
     assert asked(path, A="2") == set()
 
 
+@pytest.mark.parametrize("file", [".git/credentials", "lab.yml", "keys/id"])
+@pytest.mark.parametrize("names", ["image: busybox, env_file: FILE", "cdf: a.cdf", "cdf: FILE", "cdf: b.cdf"])
+def test_no_line_of_the_users_own_files_in_the_folder_is_shown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], file: str, names: str
+) -> None:
+    """What checks a stranger's change says so where everybody reads it."""
+    texts = {
+        ".git/credentials": "- https://me:decoy-4711@lab.example decoy: x: y",
+        "lab.yml": "{all: {hosts: {decoy: {ansible_password: decoy-4711}}}}: decoy",
+        "keys/id": "-----BEGIN OPENSSH PRIVATE KEY----- decoy",
+    }
+    texts |= {"a.cdf": f"cdf: 1\ndockerfile: {file}\n", "b.cdf": f"cdf: 1\nbase: busybox\nextends: {file}\n"}
+    texts["e.edf"] = f"edf: 1\nname: e\nservices: {{a: {{{names.replace('FILE', file)}}}}}\n"
+    for name, text in texts.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    assert run(["validate", str(tmp_path / "e.edf")]) == 5
+    said = capsys.readouterr()
+    assert "is not shown of a file that is kept" in said.out + said.err, said
+    assert "decoy" not in said.out + said.err and "BEGIN" not in said.out + said.err
+
+
+@pytest.mark.parametrize("kept", [".git/config", "hosts.yml"])
+def test_no_line_of_the_users_own_files_is_shown_as_one_of_a_lock(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], kept: str
+) -> None:
+    """An archive that is unpacked in the clone gives one of them the lock's name."""
+    (tmp_path / ".git").mkdir()
+    (tmp_path / kept).write_text("all: {ansible_password: decoy-4711, url: 'https://me:decoy-4711@lab.example'}\n")
+    (tmp_path / "e.edf").write_text("edf: 1\nname: e\nservices: {a: {image: busybox}}\n")
+    os.link(tmp_path / kept, tmp_path / "e.lock")
+    assert run(["validate", str(tmp_path / "e.edf")]) == 5
+    said = capsys.readouterr()
+    assert "is not shown of a file that is kept" in said.out + said.err and "decoy" not in said.out + said.err, said
+
+
+@pytest.mark.parametrize("file", ["token", "maps/floor"])
+def test_no_line_of_a_file_that_a_secret_was_read_from_is_shown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], file: str
+) -> None:
+    """A later version of the EDF calls it a definition, or a second name that an archive gave it."""
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "token").write_text("decoy: 4711\n")
+    os.link(tmp_path / "token", tmp_path / "maps/floor")
+    (tmp_path / "e.edf").write_text(f"edf: 1\nname: e\nservices: {{a: {{cdf: {file}}}}}\n")
+    assert run(["validate", str(tmp_path / "e.edf")]) == 5
+    assert "decoy: 4711" in capsys.readouterr().out
+    assert note_secret_files([os.path.realpath(tmp_path / "token")]) == ""
+    assert run(["validate", str(tmp_path / "e.edf")]) == 5
+    said = capsys.readouterr()
+    assert "is not shown of a file that is kept" in said.out + said.err and "decoy" not in said.out + said.err, said
+
+
 @pytest.mark.parametrize(
     ("service", "top", "what"),
     [
@@ -114,6 +168,19 @@ def test_what_version_control_keeps_in_the_folder_is_asked_for(here: Path, servi
     (exp / "link").symlink_to(".git/config")
     (exp / "t.cdf").write_text("cdf: 1\nbase: busybox\nfiles: [{src: .git/config, dest: /g}]\n")
     assert asked(edf(here, service, top)) == {("outside", f"{exp}/{what}")}
+
+
+@pytest.mark.parametrize("folder", ["_darcs", "_DARCS", "CVS", ".sl", ".pijul", ".repo", ".dvc", "_MTN", "sub/_darcs"])
+def test_what_every_version_control_keeps_is_asked_for(here: Path, folder: str) -> None:
+    """Darcs writes the address by which a clone was made to `_darcs/prefs/defaultrepo`, with its token."""
+    inner = here / "exp" / folder / "prefs"
+    inner.mkdir(parents=True)
+    (inner / "defaultrepo").write_text(f"https://me:{MARK}@example.org/x\n")
+    asked_for = {("outside", f"{inner}/")}
+    assert asked(edf(here, f"{{image: busybox, volumes: ['./{folder}/prefs:/g']}}")) == asked_for
+    (here / "exp" / "link").symlink_to(folder)
+    assert asked(edf(here, "{image: busybox, volumes: ['./link/prefs:/g']}")) == asked_for
+    assert asked(edf(here, "{image: busybox, volumes: ['.:/g']}")) == set()  # it is left out there
 
 
 def test_what_version_control_keeps_is_known_by_another_name_that_a_disk_has_for_it(here: Path) -> None:
@@ -430,6 +497,21 @@ def test_no_line_is_shown_of_what_a_link_in_a_projects_folder_leads_to(
     for words in texts:
         (here / "victim" / name).write_text(words)
         run(["validate", f"sub/{name}" if link == "folder" else name])
+        said = capsys.readouterr()
+        assert MARK not in said.out + said.err, words
+
+
+@pytest.mark.parametrize("name", ["e.edf", "a.cdf", "Dockerfile", "robots.yml", "hosts"])
+def test_no_line_is_shown_of_what_a_link_into_a_repository_leads_to(
+    here: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    """It lies in the folder, and holds the token in a clone's address."""
+    (here / "exp" / ".git").mkdir(exist_ok=True)
+    (here / "exp" / name).symlink_to(f".git/{name}")
+    for words in (f"a: b: {MARK}\n", f"{MARK}\n", f"[remote]\n\turl = {MARK}\n", f"cdf: {MARK}\nservices: {MARK}\n",
+                  f"edf: 1\nname: x\nservices: {{a: {{image: x, environment: {{A: '${{A}}{MARK}'}}}}}}\n"):  # fmt: skip
+        (here / "exp" / ".git" / name).write_text(words)
+        run(["validate", name])
         said = capsys.readouterr()
         assert MARK not in said.out + said.err, words
 

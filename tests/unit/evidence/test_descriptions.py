@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -88,13 +89,16 @@ def test_a_bundle_is_cited_by_its_authors(papered: Told) -> None:
 
 
 @pytest.mark.parametrize("inside", [False, True])
-def test_a_license_that_is_a_link_is_none(tmp_path: Path, inside: bool) -> None:
+@pytest.mark.parametrize("hard", [False, True])
+def test_a_license_that_is_a_link_is_none(tmp_path: Path, inside: bool, hard: bool) -> None:
     """A stranger's experiment led it to a file of the user's, or to a clone's settings with a token in them."""
     edf = write_experiment(tmp_path / "experiment", {**FILES, ".git/config": "nobodys-business\n"})
     (tmp_path / "key").write_text("nobodys-business\n")
     names = ("LICENSE", "LICENSE.txt", "LICENSE.md", "COPYING", "CITATION.cff")
     for name in names:
-        (edf.parent / name).symlink_to(edf.parent / ".git" / "config" if inside else tmp_path / "key")
+        (os.link if hard else os.symlink)(
+            edf.parent / ".git" / "config" if inside else tmp_path / "key", edf.parent / name
+        )
     run = run_folder(tmp_path / "run", edf)
     bundle(run, tmp_path / "b.zip")
     every = [*unpacked(tmp_path / "b.zip").values(), *(one.read_bytes() for one in run.rglob("*") if one.is_file())]
@@ -140,6 +144,20 @@ def test_the_checklist_ticks_nothing_and_says_what_there_is(papered: Told) -> No
     with_images = replace(papered, files={**papered.files, "images/oci-layout": (1, "")})
     assert "they are not in the bundle" not in checklist.text(with_images).decode()
     assert "Images are not in the bundle" not in papers.readme(with_images)
+
+
+def test_what_a_robot_says_of_itself_is_no_markdown(papered: Told) -> None:
+    """A bundle is published: a robot's link there would be taken for its authors'."""
+    said = "[see](https://evil.example) | <img src=x> `*a*`"
+    robots = {
+        name: {**one, **dict.fromkeys(("os", "processor", "kernel", "arch"), said), "docker": {"version": said}}
+        for name, one in papered.facts["robots"].items()
+    }
+    told = replace(papered, facts={**papered.facts, "robots": robots})
+    for text in (papers.readme(told), checklist.text(told).decode()):
+        assert "evil.example" in text
+        assert all(not set("[<`*") & set(line.partition("evil")[2]) for line in text.splitlines())
+        assert "[see" not in text and "<img" not in text
 
 
 def test_the_readme_says_how_it_is_run_again(papered: Told) -> None:

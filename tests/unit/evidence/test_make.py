@@ -245,6 +245,7 @@ def test_a_run_of_a_stranger_names_no_definition_elsewhere(
         (f"push with ghp_{'a1' * 18}", "a token of GitHub"),
         ("wpa: password=correct-horse", "a password"),
         ("GET https://ada:correct-horse@host/", "a password in an address"),
+        ("GET https://ada:it's-mine@host/", "a password in an address"),
     ],
 )
 def test_what_looks_like_a_secret_stops_it_until_a_person_looked(
@@ -350,3 +351,19 @@ def test_robots_that_do_the_parts_of_each_other_keep_their_names(run: Path, tmp_
     content = unpacked(tmp_path / "b.zip")
     before = json.loads((folder / "sessions/1/assignment.json").read_text())["assignment"]
     assert json.loads(content["sessions/1/assignment.json"])["assignment"] == before
+
+
+@pytest.mark.parametrize("host", ["assignment", "status", "runner", "referee", "r2", 'r2"', '"r2": "r1"', "crashed"])
+def test_no_robots_name_for_itself_changes_what_a_bundle_says(run: Path, tmp_path: Path, host: str) -> None:
+    """It may be a word of srprov's documents, a service's or another robot's name, or no name at all."""
+    folder = Path(shutil.copytree(run, tmp_path / "run"))
+    for path in folder.glob("sessions/*/facts.json"):
+        facts = json.loads(path.read_text())
+        facts["robots"]["r1"]["hostname"] = host
+        path.write_text(json.dumps(facts))
+    bundle(folder, tmp_path / "b.zip")
+    content = unpacked(tmp_path / "b.zip")
+    before = json.loads((folder / "sessions/1/assignment.json").read_text())["assignment"]
+    assert json.loads(content["sessions/1/assignment.json"])["assignment"] == before
+    assert content["trials.csv"] == (folder / "trials.csv").read_bytes()
+    assert not [one.id for one in verify(str(tmp_path / "b.zip")).findings if one.result == "fail"]

@@ -14,6 +14,7 @@ from srprov.errors import TransportError
 from srprov.execution import packages
 from srprov.execution.packages import NoListing, packages_in, parsed, remove_left
 from srprov.modules.container import ContainerModule
+from srprov.modules.container_commands import NOT_OF_COMPOSE
 from srprov.wire import EngineCall, Reply
 
 SAID = [
@@ -62,7 +63,8 @@ def test_the_container_has_no_network_no_rights_and_nothing_of_the_robot() -> No
     host = body["HostConfig"]
     assert (host["NetworkMode"], host["CapDrop"], host["ReadonlyRootfs"]) == ("none", ["ALL"], True)
     assert not host.keys() & {"Binds", "Mounts", "Devices", "Privileged"} and host["PidsLimit"] and host["Memory"]
-    assert body["Labels"] == {"srprov.instance": ".build"}, "what a kill leaves is found by the next apply"
+    marked = {"srprov.instance": ".build", **NOT_OF_COMPOSE}
+    assert body["Labels"] == marked, "what a kill leaves is found by the next apply"
     assert [call.path.rpartition("/")[2] for call in robot.calls[:3]] == ["create", "start", "wait"]
 
 

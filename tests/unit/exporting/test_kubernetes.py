@@ -130,7 +130,7 @@ def test_the_restart_policy_decides_the_kind(
     one = workload(made, "a")
     assert (one["kind"], pod(made, "a")["restartPolicy"]) == (kind, restart)
     assert one["spec"].get("backoffLimit") == backoff
-    assert one["metadata"]["namespace"] == "demo"
+    assert one["metadata"]["namespace"] == "srprov-demo"
 
 
 def test_encryption_and_names_that_are_no_labels_are_refused(tmp_path: Path) -> None:
@@ -203,19 +203,23 @@ def test_a_namespace_of_somebody_else_is_left_alone(tmp_path: Path) -> None:
     script = contents(on_cluster("kubernetes", experiment(tmp_path, "services: {a: {image: x}}")))["apply.sh"]
     for whose in ("", "another"):
         run, applied = apply(tmp_path, script, whose)
-        assert (run.returncode, applied) == (1, []) and "the namespace demo is there" in run.stderr
+        assert (run.returncode, applied) == (1, []) and "the namespace srprov-demo is there" in run.stderr
     for mine in (None, "demo"):
         run, applied = apply(tmp_path, script, mine)
         assert (run.returncode, applied) == (0, ["apply -f 00-namespace.yaml", "apply -f 10-level.yaml"])
 
 
-@pytest.mark.parametrize("name", ["default", "kube-system", "kube-x"])
-def test_a_namespace_of_kubernetes_own_is_refused(tmp_path: Path, name: str) -> None:
-    edf = experiment(tmp_path, "services: {a: {image: x}}")
+@pytest.mark.parametrize("name", ["com", "default", "kube-system"])
+def test_no_namespace_has_a_name_that_others_look_for(tmp_path: Path, name: str) -> None:
+    """`github.com` is looked for as the Service `github` of a namespace `com` first, by pods of the whole cluster."""
+    text = "secrets: {s: {env: S}}\nservices: {github: {image: x, secrets: [s], environment: [V], ports: ['8080:80']}}"
+    edf = experiment(tmp_path, text)
     edf.write_text(edf.read_text().replace("name: demo", f"name: {name}"))
-    with pytest.raises(DefinitionError) as refused:
-        on_cluster("kubernetes", edf, lossy=True)
-    assert [(one.path, "Kubernetes' own" in one.message) for one in refused.value.problems] == [("name", True)]
+    made = on_cluster("kubernetes", edf, None, "env")
+    every = [one for file in ("00-namespace.yaml", "10-level.yaml") for one in documents(made, file)]
+    assert {one["metadata"].get("namespace", one["metadata"]["name"]) for one in every} == {f"srprov-{name}"}
+    assert {f"-n srprov-{name} " in one.what for one in made.needs} == {True}
+    assert f"kubectl delete namespace srprov-{name}`" in contents(made)["README.md"].decode()
 
 
 def expanded(text: str, known: Mapping[str, str]) -> str:

@@ -97,9 +97,19 @@ def test_every_run_time_field_has_compose_s_form(tmp_path: Path) -> None:
     assert made["volumes"] == {"data": {}}
 
 
+def test_nothing_that_compose_knows_by_another_projects_name_is_given_to_it(tmp_path: Path) -> None:
+    """A project `demo` has the image `demo-a` and the volume `demo_data`, which Compose takes as they are."""
+    made = twin(
+        experiment(tmp_path, "services: {a: {cdf: a.cdf, volumes: ['data:/v']}}", a_dot_cdf="cdf: 1\nbase: x\n")
+    )
+    written = document(made)
+    assert (written["name"], written["volumes"]) == ("srprov-demo", {"data": {}})
+    assert written["services"]["a"]["build"] == {"context": "./build/a"} and "image" not in written["services"]["a"]
+
+
 def test_only_what_is_not_the_default_is_written(tmp_path: Path) -> None:
     made = document(twin(experiment(tmp_path, "services: {a: {image: busybox}}")))
-    assert made == {"name": "demo", "services": {"a": {"image": "busybox", "hostname": "a"}}}
+    assert made == {"name": "srprov-demo", "services": {"a": {"image": "busybox", "hostname": "a"}}}
 
 
 def test_the_report_has_each_field_once_with_its_line(tmp_path: Path) -> None:

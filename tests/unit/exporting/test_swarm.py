@@ -71,7 +71,7 @@ def test_every_field_that_swarm_can_do_has_its_form(tmp_path: Path) -> None:
     }
     assert {"type": "tmpfs", "target": "/dev/shm", "tmpfs": {"size": 64 << 20}} in one["volumes"]
     assert {"type": "volume", "source": "data", "target": "/data"} in one["volumes"]
-    assert made["volumes"] == {"data": {}}
+    assert made["volumes"] == {"data": {"name": "srprov_demo_data"}}
     assert one["environment"]["B"] == "$$x"
     assert not {"mem_limit", "cpus", "shm_size", "restart", "privileged", "devices", "pull_policy"} & one.keys()
 
@@ -222,6 +222,30 @@ def test_values_of_secrets_and_of_the_environment_are_in_no_file(
         else:
             uses = [one["secret"]["items"][0] for one in pod(made, "a")["volumes"] if "secret" in one]
         assert [use["mode"] for use in uses] == [0o400]
+
+
+def test_nothing_that_others_keep_under_a_stacks_name_is_given_to_it(tmp_path: Path) -> None:
+    """A Compose project `demo` of the robot's has `demo_data`, and anybody may have made a secret `demo_key`."""
+    text = "secrets: {key: {env: K}}\nservices: {a: {image: x, secrets: [key], volumes: ['data:/data']}}"
+    made = on_cluster("swarm", experiment(tmp_path, text))
+    (one,) = documents(made, "01-stack.yml")
+    assert one["volumes"] == {"data": {"name": "srprov_demo_data"}}
+    assert one["secrets"] == {"key": {"external": True, "name": "srprov_demo_key"}}
+    (need,) = [one for one in made.needs if one.kind == "secret"]
+    assert need.name == "srprov_demo_key" and "docker secret create srprov_demo_key FILE" in need.what
+
+
+@pytest.mark.parametrize(("letters", "exported"), [(52, True), (53, False)])
+def test_a_secret_of_a_name_that_swarm_would_not_take_is_refused(tmp_path: Path, letters: int, exported: bool) -> None:
+    text = f"secrets: {{{'k' * letters}: {{env: K}}}}\nservices: {{a: {{image: x, secrets: [{'k' * letters}]}}}}"
+    edf = experiment(tmp_path, text)
+    if exported:
+        (need,) = [one for one in on_cluster("swarm", edf).needs if one.kind == "secret"]
+        assert len(need.name) == 64
+    else:
+        with pytest.raises(DefinitionError) as refused:
+            on_cluster("swarm", edf)
+        assert "has more letters than the 64" in refused.value.problems[0].message
 
 
 def test_images_are_built_under_a_name_that_changes_with_them(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from controller_disk import Disk
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from srprov.images import context
 from srprov.images.context import context_tar, entries_of, folder_entries, ignore_rule
 from srprov.images.plan import ContextFile, ListedFile
 from tests.bounded import bounded
@@ -170,14 +171,25 @@ def test_no_class_makes_python_warn(characters: str) -> None:
 @pytest.mark.parametrize(
     ("lines", "says"),
     [
-        (["[z-a]"], "'[z-a]' in .dockerignore is no pattern"),
-        (["a" * 256], "is too long"),
-        (["*" + "a" * 200] * 10_000, "comes after too many for so many files"),
+        (["[z-a]"], "line 1 of .dockerignore is no pattern"),
+        (["x", "a" * 256], "line 2 of .dockerignore is too long"),
+        (["*" + "a" * 200] * 10_000, "of .dockerignore comes after too many for so many files"),
     ],
 )
 def test_a_dockerignore_that_cannot_be_is_refused(lines: list[str], says: str) -> None:
     with pytest.raises(ValueError, match=re.escape(says)):
         bounded(lambda: ignore_rule(lines, 50_000))
+
+
+@pytest.mark.parametrize("line", ["url = https://me:MINE@git.example/lab", "[branch MINE z-a]", "MINE" * 100])
+def test_no_word_of_a_dockerignore_is_shown(line: str) -> None:
+    """An archive may have given `.git/config`, or an inventory, that name; how long names there are is a stranger's."""
+    ignore = "\n".join([*["x" * 250] * 78, line]).encode()
+    lab = Disk({"/lab/.dockerignore": ignore, **{f"/lab/{number:0250}": b"" for number in range(100)}})
+    with pytest.MonkeyPatch.context() as patched, pytest.raises(ValueError, match="dockerignore") as told:
+        patched.setattr(context, "_MOST_WORK", (78 * 250 + 60) * 250 * 100)
+        folder_entries("/lab", lab.listing, lab.read)
+    assert re.fullmatch(r"line 79 of \.dockerignore [a-z ]+", str(told.value))
 
 
 def test_a_context_has_a_size() -> None:

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from srprov.errors import LabError
-from srprov.lab.lab import _write_if_other
+from srprov.lab.lab import _place_of_inventory, _write_if_other
+from srprov.lab.places import Site
 
 
 def test_a_file_is_written_once_and_can_be_read_by_whoever_called_sudo(tmp_path: Path) -> None:
@@ -41,3 +42,16 @@ def test_a_folder_that_is_a_link_and_a_pipe_are_refused(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "etc" / "lab.yml")
     with pytest.raises(LabError, match="it is a pipe"):
         _write_if_other(tmp_path / "etc" / "lab.yml", "lab")
+
+
+@pytest.mark.parametrize("name", ["group_vars", "host_vars"])
+def test_the_inventory_goes_beside_nobody_s_variables(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """A project that was cloned may bring a ProxyCommand there, which `-i inventory/lab.yml` would run."""
+    monkeypatch.chdir(tmp_path)
+    site = Site("", None)
+    assert _place_of_inventory(site) == str(tmp_path / "inventory" / "lab.yml")
+    (tmp_path / "inventory" / name).mkdir(parents=True)
+    with pytest.raises(LabError, match=f"inventory/{name} would be read with the lab's inventory"):
+        _place_of_inventory(site)

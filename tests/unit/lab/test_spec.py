@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 import yaml
 
 from srprov.errors import DefinitionError
-from srprov.lab import inventory, places, trust, users
+from srprov.lab import inventory, places, users
 from srprov.lab.figures import Amount, loadavg, meminfo
 from srprov.lab.places import Site
 from srprov.lab.spec import Robot, parse
@@ -203,54 +201,3 @@ def test_users_are_added_beside_the_machines_own() -> None:
     assert user == 1000
     assert passwd.splitlines()[1] == "robot:x:1000:1001:robot:/home/robot:/bin/bash"
     assert users.shadow(passwd) == "root:*:19700:0:99999:7:::\nrobot:*:19700:0:99999:7:::\n"
-
-
-def test_pip_settings_keep_the_index_and_leave_out_files() -> None:
-    real = """[global]
-cert = /old
-index-url = https://index.example/simple
-extra-index-url = file:///here https://more.example/100%/simple
-find-links = /wheels
-"""
-    assert trust.pip_conf(real, "/bundle") == (
-        "[global]\ncert = /bundle\nindex-url = https://index.example/simple\n"
-        "extra-index-url = https://more.example/100%/simple\n\n"
-    )
-
-
-def test_no_password_of_this_machine_goes_into_the_image(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A stranger's container of a lab reads its image."""
-    there = {
-        "/etc/apt/sources.list": "deb http://ann:hunter2@mirror.example/debian bookworm main\n",
-        "/etc/apt/apt.conf": 'Acquire::http::Proxy "http://ann:hunter2@proxy.example:3128/"; Acquire::Retries "3";\n',
-        "/etc/apt/apt.conf.d/ftp": 'Acquire::ftp::ProxyLogin { "PASS hunter2"; };\n',
-        "/etc/apt/apt.conf.d/mine": 'Acquire::Retries "3"; // user@example\n',
-        "/etc/pip.conf": "[global]\nindex-url = https://__token__:hunter2@index.example/simple\n"
-        "proxy = ann:hunter2@proxy.example:3128\n",
-    }
-    monkeypatch.setattr(trust, "_read", lambda path: there.get(str(path), ""))
-    monkeypatch.setattr(trust, "_source_files", lambda: [Path("/etc/apt/sources.list")])
-    monkeypatch.setattr(trust, "_setting_files", lambda: [Path(one) for one in there if "/apt.conf" in one])
-    made = trust.files()
-    assert not [path for path, content in made.items() if b"hunter2" in content or b"ann:" in content]
-    assert made["etc/apt/sources.list"] == b"deb http://mirror.example/debian bookworm main\n"
-    assert b'"http://proxy.example:3128/"' in made["etc/apt/apt.conf"]
-    assert made["etc/apt/apt.conf.d/mine"].decode() == there["/etc/apt/apt.conf.d/mine"]
-    assert b"proxy = proxy.example:3128" in made["etc/pip.conf"]
-    assert set(there) - set(trust.kept_here()) == {"/etc/apt/apt.conf.d/mine"}
-
-
-@pytest.mark.parametrize(
-    ("source", "ours"),
-    [
-        ("deb http://mirror.example/debian bookworm main", True),
-        ("deb http://mirror.example/debian-security bookworm-security main", True),
-        ("deb http://mirror.example/debian trixie main", False),
-        ("deb http://vendor.example/apt bookworm main", False),
-        ("# deb http://mirror.example/debian bookworm main", False),
-        ("Types: deb\nURIs: http://mirror.example/debian/\nSuites: bookworm", True),
-        ("Types: deb\nURIs: http://vendor.example/node\nSuites: nodistro", False),
-    ],
-)
-def test_only_debians_own_sources_go_into_the_image(source: str, ours: bool) -> None:
-    assert trust.is_debian(source) is ours

@@ -84,6 +84,12 @@ def labels(resource: Resource) -> dict[str, str]:
     return dict(body["Labels"])
 
 
+def test_no_image_makes_a_container_one_of_composes() -> None:
+    """An image's labels are its container's: Compose would make that anew, with its volumes and a service's rights."""
+    said = labels(WANT)
+    assert said["com.docker.compose.oneoff"] == said["com.docker.compose.service"] == ""
+
+
 def test_every_run_time_field_is_covered() -> None:
     """A new field of Runtime must be in the hash, or be named here as one that makes no difference."""
     assert set(Runtime.__struct_fields__) == set(OTHER) | NO_PART

@@ -229,6 +229,7 @@ def test_what_does_as_root_tells_it_is_said_to_do_so() -> None:
         *("/run/udev", "/var/run/udev/rules.d", "/run//cdi/", "/var/spool", "/run/wireguard", "/etc/cron.d", "/sys"),
         *("/opt/ros/humble", "/usr/local/bin", "/home", "/home/lab", "/home/lab/.ssh", "/home/lab/x/.profile"),
         *("/var/tmp", "/srv2", "/database", "/lib/systemd", "/boot", "/dev/shm", "/never/heard/of"),
+        *("/home/lab/bin", "/home/lab/maps", "/tmp/x", "/var/tmp/x/y", "/srv/robot/.ssh", "/data/.config/x"),
     ],
 )
 def test_where_root_may_take_what_it_runs_from_is_said(path: str) -> None:
@@ -239,15 +240,29 @@ def test_where_root_may_take_what_it_runs_from_is_said(path: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "path", ["/srv", "/srv/maps", "/mnt/ssd/bags", "/media/x", "/data", "/tmp/x", "/var/tmp/x/y", "/home/lab/maps/a b"]
+    "path", ["/srv", "/srv/maps", "/mnt/ssd/bags", "/media/x", "/data", "/data/a b/c.d", "/mnt/two\nlines"]
 )
-def test_where_data_are_nothing_is_said(path: str) -> None:
-    assert mount_kind(path) == ("host-path", "")
+@pytest.mark.parametrize("read_only", [False, True])
+def test_where_data_are_nothing_is_said(path: str, *, read_only: bool) -> None:
+    assert mount_kind(path, read_only=read_only) == ("host-path", "")
 
 
-def test_a_socket_below_run_may_be_asked_when_it_is_mounted_read_only() -> None:
-    assert "a socket there" in mount_kind("/var/run/acpid.socket", read_only=True)[1]
-    assert mount_kind("/etc/localtime", read_only=True) == ("host-path", "")
+@pytest.mark.parametrize(
+    "path",
+    [
+        *("/var/run/acpid.socket", "/tmp/tmux-0", "/tmp/tmux-1000/default", "/tmp", "/home/lab/.gnupg", "/root"),
+        *("/root/.ssh", "/home/lab/.ssh/id_ed25519", "/etc", "/etc/ssh", "/etc/shadow", "/srv/robot/.ssh", "/never"),
+    ],
+)
+def test_what_is_mounted_read_only_may_hold_keys_and_sockets(path: str) -> None:
+    """`/tmp/tmux-0` holds the socket by which tmux takes keystrokes for root's shell, also where it is read-only."""
+    kind, why = mount_kind(path, read_only=True)
+    assert kind == "host-path" and "a key there" in why and "a socket there" in why
+
+
+@pytest.mark.parametrize("path", ["/etc/localtime", "/usr/share/zoneinfo", "/lib/modules", "/sys", "/opt/ros/humble"])
+def test_of_what_everybody_may_read_nothing_is_said(path: str) -> None:
+    assert mount_kind(path, read_only=True) == ("host-path", "")
 
 
 def test_what_is_grave_as_it_is_written_was_asked_for_as_that() -> None:

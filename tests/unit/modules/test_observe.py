@@ -60,7 +60,7 @@ def test_names_that_no_command_can_be_about_are_that_robots_failure(kind: str, r
 
 
 def test_an_images_labels_may_hold_anything() -> None:
-    image = {"Id": "sha256:1", "RepoTags": ["a:1"], "Labels": {"by": "x\0"}}
+    image = {"Id": f"sha256:{'1' * 64}", "RepoTags": ["a:1"], "Labels": {"by": "x\0"}}
     assert parse_observed([told([image])], ["image"])[0].name == "a:1"
 
 

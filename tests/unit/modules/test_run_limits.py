@@ -32,6 +32,7 @@ NEVER = HealthCheck(test=("CMD", "true"), interval_s=1e9)
         ("working_dir", "etc"), ("cpuset", "0-"), ("cpuset", "0,"), ("cpuset", "a"), ("runtime", "-x"),
         ("runtime", "a/b"), ("hostname", "a b"), ("hostname", "-"), ("cap_drop", ("all",)), ("mem_reservation", -1),
         ("oom_score_adj", -1001), ("labels", {"srprov.instance": "other"}), ("labels", {"srprov": ""}),
+        ("labels", {"com.docker.compose.service": "x"}),
         ("labels", {"": "x"}), ("extra_hosts", (("a\n", "10.0.0.1"),)), ("logging", Logging(driver="GELF ")),
         ("cpus", 1e-6),
     ],

@@ -9,9 +9,12 @@ from typing import Any
 from unittest import mock
 
 import pytest
+from msgspec.structs import replace
 
-from srprov.controller import ownership
+from srprov.controller import ownership, remembering
+from srprov.definitions.model import Definitions
 from srprov.errors import RefusedError
+from srprov.facts.gather import Detail
 from srprov.facts.model import Snapshot
 from srprov.facts.placements import parse_placements
 from srprov.network.belief import believe
@@ -70,6 +73,32 @@ def test_while_a_keeper_is_away_a_record_that_is_not_ours_is_a_doubt() -> None:
     assert believe("hello", seen(r1=newer, r2=FORGED, r3=record(8)), keepers).disputes
 
 
+def test_robots_that_hold_no_record_any_more_are_no_voice_for_the_one_that_does() -> None:
+    """Somebody ended the instance on all of them; one says that it goes on, or one that never had a part in it."""
+    keepers = {"r1", "r2", "r3"}
+    for liar in ("r1", "r9"):
+        belief = believe("hello", seen(**{liar: FORGED}), keepers, lambda _one: -1)
+        assert belief.disputes == (
+            f"{liar} does not hold what this machine wrote, and no record is on more than half of r1, r2, r3",
+        )
+        assert belief.record is not None and set(belief.record["services"]) == ({"a"} if liar == "r1" else set())
+    assert not believe("hello", seen(r1=record(7), r2=record(7)), keepers, lambda _one: -1).doubts
+
+
+def test_an_older_record_of_ours_is_unsure_while_one_that_may_have_the_newer_one_is_silent() -> None:
+    """A run did not come to its end, as a robot let it fail, which kept what it had; the other one is away now."""
+    order = [record(2), record(3)].index
+    for silent in (seen(("r1",), r2=record(2)), seen(r2=record(2))):
+        belief = believe("hello", silent, {"r1", "r2"}, order, 1)
+        assert belief.record == record(2) and not belief.doubts, "that run may have written nothing"
+        assert belief.unsure == ("r1",)
+        assert belief.notes == (
+            "r2 has an older record of it than a run of this machine wrote; r1 may have the newer one",
+        )
+    assert not believe("hello", seen(r1=record(2), r2=record(2)), {"r1", "r2"}, order, 1).unsure
+    assert not believe("hello", seen(("r1",), r2=record(3)), {"r1", "r2"}, order, 1).unsure
+
+
 def test_without_a_memory_each_record_counts_for_its_own_robot() -> None:
     belief = believe("hello", seen(("r2",), r1=record()), ())
     assert belief.record is not None and set(belief.record["services"]) == {"a"} == {"a"}
@@ -109,7 +138,8 @@ def forged(world: World, host: str, liar: str) -> None:
 def remembered(world: World, *robots: str) -> Any:
     """Let this machine remember that it gave the record of `a` to some robots."""
     (held,) = parse_placements(Reply(status=0, out=world.robots["a"].disk.records())).values()
-    memory = Memory(robots=frozenset(robots), records=(digest(held),))
+    proofs = {name: world.robots[name].identity for name in robots}
+    memory = Memory(robots=frozenset(robots), records=(digest(held),), proofs=proofs)
     return recalling(memory)
 
 
@@ -158,12 +188,37 @@ def test_a_plan_is_refused_when_the_keepers_that_could_contradict_are_away() -> 
     assert caught.value.exit_code == 9 and "--adopt" in caught.value.hint
 
 
+def test_a_record_is_this_machines_word_only_from_the_robot_that_it_gave_it_to() -> None:
+    """Another inventory gives the name to another robot, which had the record under another one."""
+    world = World().add("a", "b", "c", "d")
+    apply(world, TWO)
+    with worlds.remembering_all(world):
+        memory = ownership.recall("hello")
+    snapshot = worlds.fleet(world).gather(Detail.BASIC)
+    assert snapshot.proofs == memory.proofs
+    for proofs, others in (({}, set("abcd")), ({**memory.proofs, "a": "a other"}, {"a"})):
+        with mock.patch.object(ownership, "recall", lambda _name, proofs=proofs: replace(memory, proofs=proofs)):
+            assert ownership.strangers(snapshot, ownership.recall("hello")) == others
+            assert ownership.sure_homes(snapshot, "hello").keys() == {"one", "two"} - {
+                service for service, robot in (("one", "a"), ("two", "b")) if robot in others
+            }
+
+
+def test_a_run_remembers_what_robots_proved_to_be(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    world = World().add("a", "b")
+    with worlds.remembering_all(world):
+        planned = worlds.made(world, Definitions(experiment=TWO, containers={}))
+    assert remembering.begin(planned, world.sessions()) == ""
+    assert recall("hello").proofs == {"a": "a key", "b": "b key"}
+
+
 # --- the memory ---------------------------------------------------------------------------------------------------
 
 
 def test_a_memory_comes_back_and_is_its_users_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    kept = Memory(robots=frozenset({"r1", "r2"}), records=("a", "b"))
+    kept = Memory(robots=frozenset({"r1", "r2"}), records=("a", "b"), proofs={"r1": "r1 key"})
     assert recall("hello") == Memory() and remember("hello", kept) == "" and recall("hello") == kept
     (file,) = (tmp_path / "srprov" / "placements").iterdir()
     assert file.stat().st_mode & 0o077 == 0 and file.parent.stat().st_mode & 0o077 == 0

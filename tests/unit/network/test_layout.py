@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from srprov.definitions.model import Experiment, NetworkSettings
 from srprov.errors import UsageError
 from srprov.facts.model import Snapshot
+from srprov.facts.placements import read_placements
 from srprov.network.hosts import HostsFile
 from srprov.network.layout import layout
 from srprov.network.model import Overlay
@@ -236,6 +238,17 @@ def test_the_serial_counts_changes_only() -> None:
     moved = {**PLACED, "map": "r2"}
     second = record(layout(what, moved, lab()), what, moved, "here", {**first, "serial": 41})
     assert second["serial"] == 42
+
+
+@pytest.mark.parametrize("said", [-3, 0, 3, 2**31 - 2, 2**31 - 1, 2**31, 10**18, 10**30])
+def test_whatever_serial_a_robot_says_what_is_written_next_is_read_as_it_was_written(said: int) -> None:
+    """Else this machine would not know its own record on any robot, and a plan file of its own would be refused."""
+    what, overlay = three(), layout(three(), PLACED, lab())
+    forged = {**record(overlay, what, PLACED, "here"), "mtu": 1280, "serial": said}
+    before = read_placements([json.dumps(forged)])["hello"]
+    written = record(overlay, what, PLACED, "here", before)
+    assert read_placements([json.dumps(written)]) == {"hello": written}
+    assert 0 < written["serial"] < 2**31 and written["serial"] != before["serial"]
 
 
 def test_read_record_gives_back_what_was_written() -> None:

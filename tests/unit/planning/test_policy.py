@@ -10,13 +10,19 @@ from msgspec.structs import replace
 from srprov.definitions.containermodel import ContainerDefinition, Logging, Mount
 from srprov.definitions.model import NetworkSettings
 from srprov.definitions.secretmodel import SecretSource, SecretUse
-from srprov.planning.graver import EVERY_PROCESS
+from srprov.planning.graver import EVERY_PROCESS, TOLD
 from srprov.planning.policy import KINDS, permissions, refused
 from tests.bounded import bounded
 from tests.worlds import experiment, service
 
 SOCKET = "/run/docker.sock"
 ONLY = "read-only, but for what is mounted below it"
+NETWORK = (
+    "the robot's network (root's programs may do what they are told there: on the loopback, or by sockets that lie in"
+    " no folder)"
+)
+SHARED = "root may believe what is written to its shared memory, or do what a socket in it is told"
+READ = "a key there may let somebody in, and a socket there may do as root what it is told"
 ROOT = "as good as root on the robot"
 HOLDS = "holds the engine's socket"
 KEPT = ("/run/docker", "/var/run/docker/plugins", "/var/lib/docker/volumes", "/var/lib/docker", "/var", "/var/lib",
@@ -25,12 +31,12 @@ KEPT = ("/run/docker", "/var/run/docker/plugins", "/var/lib/docker/volumes", "/v
 ASKS: list[tuple[dict[str, Any], list[tuple[str, str]]]] = [
     ({}, []),
     ({"network": "none"}, []),
-    ({"network": "host"}, [("host-network", "the robot's network")]),
-    ({"network": "both"}, [("host-network", "the robot's network")]),
+    ({"network": "host"}, [("host-network", NETWORK)]),
+    ({"network": "both"}, [("host-network", NETWORK)]),
     ({"privileged": True}, [("privileged", "all devices and capabilities of the robot")]),
     ({"pid": "host"}, [("host-pid", f"pid: host ({EVERY_PROCESS})")]),
     ({"pid": "container:other"}, [("host-pid", f"pid: container:other ({EVERY_PROCESS})")]),
-    ({"ipc": "host"}, [("host-ipc", "ipc: host")]),
+    ({"ipc": "host"}, [("host-ipc", f"ipc: host ({SHARED})")]),
     ({"ipc": "shareable"}, [("host-ipc", "ipc: shareable")]),
     ({"ipc": "private"}, []),
     ({"ipc": "none"}, []),
@@ -41,7 +47,8 @@ ASKS: list[tuple[dict[str, Any], list[tuple[str, str]]]] = [
     ({"device_cgroup_rules": ("c 81:* rmw",)}, [("device", "cgroup rule c 81:* rmw")]),
     ({"gpus": "all"}, [("gpu", "gpus: all")]),
     ({"mounts": (Mount(kind="bind", source="/srv", target="/r"),)}, [("host-path", "/srv")]),
-    ({"mounts": (Mount(kind="bind", source="/a", target="/r", read_only=True),)}, [("host-path", f"/a ({ONLY})")]),
+    ({"mounts": (Mount(kind="bind", source="/a", target="/r", read_only=True),)},
+     [("host-path", f"/a ({ONLY}; {READ})")]),
     ({"mounts": (Mount(kind="bind", source=SOCKET, target="/r"),)}, [("docker-socket", SOCKET)]),
     ({"mounts": (Mount(kind="bind", source="/var" + SOCKET, target="/r"),)}, [("docker-socket", "/var" + SOCKET)]),
     ({"mounts": (Mount(kind="volume", source="v", target="/v"), Mount(kind="tmpfs", source="", target="/t"))}, []),
@@ -77,12 +84,12 @@ ASKS: list[tuple[dict[str, Any], list[tuple[str, str]]]] = [
     ({"runtime": "nvidia"}, [("runtime", "runtime: nvidia, which starts its container instead of the engine's own")]),
     ({"oom_score_adj": -5}, [("realtime", "oom_score_adj: -5, when memory is short others are killed first")]),
     ({"logging": Logging(driver="gelf", options={"gelf-address": "udp://x:1"})},
-     [("logging", "driver gelf: the engine sends what is printed perhaps off the robot"),
+     [("logging", "driver gelf: the engine sends what is printed wherever it is told (" + TOLD + ")"),
       ("logging", "option gelf-address=udp://x:1")]),
     ({"logging": Logging(driver="journald")},
      [("logging", "driver journald: the engine sends what is printed into the robot's own journal")]),
-    *[({"logging": Logging(driver=one, options={"fluentd-address": "x"})}, [("logging", "option fluentd-address=x")])
-      for one in ("", "local")],
+    ({"logging": Logging(driver="local", options={"fluentd-address": "x"})}, [("logging", "option fluentd-address=x")]),
+    ({"logging": Logging(options={"fluentd-address": "x"})}, [("logging", f"option fluentd-address=x ({TOLD})")]),
     *[({"logging": Logging(driver="json-file", options={name: value})}, [("logging", f"option {name}={value}")])
       for name, value in [("tag", '{{pad "x" 300000000000 0}}'), ("tag", "{{.Name}}{{.Name | printf}}"), ("tag", ""),
                           ("max-size", "10"), ("max-size", "63k"), ("max-size", "-1"), ("max-file", "2000000000"),
@@ -168,10 +175,10 @@ def test_thousands_of_paths_are_compared_in_time() -> None:
 DISKS = (
     *("sda", "sda1", "vdb", "nvme0", "nvme0n1", "nvme0n1p2", "mmcblk0", "mmcblk0p1", "mmcblk0boot0", "dm-0", "sg1"),
     *("mapper/root", "disk/by-id/x", "block/8:0", "./sda", "md127", "md/0", "mtd0", "mtdblock0", "loop0p1"),
-    *("mem", "uinput", "vfio/12"),
+    *("mem", "uinput", "vfio/12", "uhid", "tty1", "console", "ng0n1", "bus/usb/001/002", "input", "input/event3"),
 )
 PARTS_OF_ROBOTS = (
-    *("ttyUSB0", "video0", "snd", "dri/renderD128", "input", "i2c-1", "spidev0.0", "gpiochip0", "shared", "media0"),
+    *("ttyUSB0", "video0", "snd", "dri/renderD128", "input/js0", "i2c-1", "spidev0.0", "gpiochip0", "shared", "media0"),
 )
 
 
@@ -185,6 +192,8 @@ PARTS_OF_ROBOTS = (
         {"cap_add": ("ALL",)},
         *({"devices": ((f"/dev/{name}", "/dev/x", "r"),)} for name in DISKS),
         *({"device_cgroup_rules": (rule,)} for rule in ("a *:* rwm", "b 8:0 rw", "c *:* r", "c 21:* rw", "c 10:223 w")),
+        *({"device_cgroup_rules": (rule,)} for rule in ("c 010:223 w", "c 01:1 r", "c 0021:* rw", "c 13:* w")),
+        *({"device_cgroup_rules": (rule,)} for rule in ("c 4:1 r", "c 189:* rw", "c 241:0 rw", "c 0:0 r")),
     ],
 )
 def test_what_is_as_good_as_root_is_said(run: dict[str, Any]) -> None:
@@ -198,7 +207,7 @@ def test_what_is_as_good_as_root_is_said(run: dict[str, Any]) -> None:
     [
         {"cap_add": ("NET_ADMIN", "SYS_NICE", "SYS_TIME")},
         *({"devices": ((f"/dev/{name}", "/dev/x", "rwm"),)} for name in PARTS_OF_ROBOTS),
-        {"device_cgroup_rules": ("c 81:* rmw", "c 189:* rw", "c 210:1 r")},
+        {"device_cgroup_rules": ("c 81:* rmw", "c 188:* rw", "c 0226:1 r")},
     ],
 )
 def test_what_robots_are_made_of_is_not_called_root(run: dict[str, Any]) -> None:

@@ -13,6 +13,7 @@ import pytest
 
 from srprov.controller.bringing import Bringing, Home
 from srprov.controller.collected import check_folder
+from srprov.definitions.model import VERSION_CONTROL
 from srprov.execution.collect import CollectFailed, Place, Robot
 from srprov.execution.listing import Entry
 from srprov.record import results
@@ -40,6 +41,12 @@ def named(paths: Iterable[str]) -> list[str]:
 def test_no_result_makes_a_repository_here(path: str, name: str) -> None:
     """Its settings would name programs, which run as soon as git is asked for its status in it."""
     assert Names().name(path.split("/")) == name
+
+
+@pytest.mark.parametrize("folder", sorted(VERSION_CONTROL))
+def test_no_result_makes_a_repository_of_any_kind(folder: str) -> None:
+    for name in (folder, folder.lower(), folder.upper()):
+        assert Names().name(["out", name, "config"]) == f"out/%{ord(name[0]):02X}{name[1:]}/config"
 
 
 def test_names_that_differ_only_by_case_are_no_work() -> None:

@@ -45,7 +45,7 @@ def taken(
     own = {**IMAGE["Config"], "Hostname": ID[:12], "Image": "ros:humble", "Domainname": "", "AttachStdin": False}
     box = {"Id": ID, "Config": {**own, **(config or {})}, "HostConfig": {**DEFAULTS, **(host or {})}, **more}
     notes = Notes()
-    return service_of("it", box, IMAGE if image is None else image, "runc", notes, SecretNames()), [
+    return service_of("it", box, IMAGE if image is None else image, "runc", notes, SecretNames().of("r1")), [
         f"{note.kind}: {note.words}" for note in notes.all()
     ]
 
@@ -196,7 +196,7 @@ def test_secrets_leave_their_field_and_every_other_place() -> None:
         },
         {"Sysctls": {"kernel.x": "hunter2-long"}},
     )
-    assert service.secrets == {"it-db_password": "IT__DB_PASSWORD", "it-db-password": "IT__DB_PASSWORD_2"}
+    assert service.secrets == {"it-db_password": "R1__IT__DB_PASSWORD", "it-db-password": "R1__IT__DB_PASSWORD_2"}
     assert service.fields["environment"] == ["TWO=a\nb", "X=1"] and service.fields["labels"] == {"a": "b"}
     assert service.fields["command"] == ["app", "--password", "***"]
     kept = Notes()
@@ -226,5 +226,5 @@ def test_an_engine_that_lies_gives_a_service_all_the_same(
 ) -> None:
     """Whatever is said, there is a service with an image, and no error."""
     box = {"Id": ID, "Config": config, "HostConfig": host, **config}
-    service = service_of("it", box, image if isinstance(image, dict) else {}, "runc", Notes(), SecretNames())
+    service = service_of("it", box, image if isinstance(image, dict) else {}, "runc", Notes(), SecretNames().of("r1"))
     assert service.fields["image"]

@@ -19,12 +19,17 @@ from srprov.snapshot.folder import Robot
 from srprov.snapshot.hider import Hider
 from srprov.snapshot.host import Host
 from srprov.snapshot.notes import Notes
-from srprov.snapshot.secret_names import SecretNames
+from srprov.snapshot.secret_names import Give, SecretNames
 from srprov.snapshot.sources import is_distributions, parse_keys, parse_sources
 from srprov.wire import AnyQuery, EngineQuery, Reply
 from tests.bounded import bounded
 
 IDS = [f"{number:064x}" for number in range(200)]
+
+
+def give() -> Give:
+    """Return what names the secrets of a robot."""
+    return SecretNames().of("r1")
 
 
 class Engine:
@@ -75,14 +80,14 @@ def test_dependencies_of_blanks_are_read_in_time() -> None:
 @pytest.mark.parametrize("groups", [5, "gpu", {"a": 1}, [5], [["gpu"], 5], True])
 def test_groups_of_devices_are_lists_or_none(groups: object) -> None:
     box = {"HostConfig": {"DeviceRequests": [{"Count": 1, "Capabilities": groups}]}}
-    assert service_of("cam", box, {}, "runc", Notes(), SecretNames()).name == "cam"
+    assert service_of("cam", box, {}, "runc", Notes(), give()).name == "cam"
 
 
 def test_a_container_that_cannot_be_read_costs_the_others_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     def read(name: str, box: Any, *_more: Any) -> Any:
         if box.get("odd"):
             raise TypeError("a mistake of ours")
-        return service_of(name, box, {}, "runc", Notes(), SecretNames())
+        return service_of(name, box, {}, "runc", Notes(), give())
 
     monkeypatch.setattr(snapshot, "service_of", read)
     seen = Seen(name="robot1", host=Host(), containers=(({"odd": 1, "Name": "/a"}, {}), ({"Name": "/b"}, {})))
@@ -112,9 +117,7 @@ def test_thousands_of_odd_values_are_not_tried_for_ever(tmp_path: Path, monkeypa
     odd = {"HostConfig": {"CapAdd": [f"odd {n}" for n in range(200)], "ExtraHosts": [f"o{n}" for n in range(200)],
                           "GroupAdd": ["?"] * 200}, "Config": {"Image": "a:1"}}  # fmt: skip
     robot = Robot(name="robot1", short="robot1", host=Host())
-    services = tuple(
-        service_of(f"s{n}", odd, {"RepoTags": ["a:1"]}, "runc", robot.notes, SecretNames()) for n in range(100)
-    )
+    services = tuple(service_of(f"s{n}", odd, {"RepoTags": ["a:1"]}, "runc", robot.notes, give()) for n in range(100))
     begin = time.monotonic()
     Checker(tmp_path, [Robot(name="robot1", short="robot1", host=Host(), services=services, notes=robot.notes)], {},
             Hider(())).checked("x")  # fmt: skip
@@ -124,10 +127,10 @@ def test_thousands_of_odd_values_are_not_tried_for_ever(tmp_path: Path, monkeypa
 
 def test_of_many_services_the_few_that_do_not_go_together_are_left_out(tmp_path: Path) -> None:
     services = [
-        service_of(f"s{n}", {"Config": {"Image": "a:1"}}, {"RepoTags": ["a:1"]}, "runc", Notes(), SecretNames())
+        service_of(f"s{n}", {"Config": {"Image": "a:1"}}, {"RepoTags": ["a:1"]}, "runc", Notes(), give())
         for n in range(40)
     ]
-    services[7] = service_of("S!", {"Config": {"Image": "a:1"}}, {"RepoTags": ["a:1"]}, "runc", Notes(), SecretNames())
+    services[7] = service_of("S!", {"Config": {"Image": "a:1"}}, {"RepoTags": ["a:1"]}, "runc", Notes(), give())
     robot = Robot(name="robot1", short="robot1", host=Host(), services=tuple(services))
     robots, _ = Checker(tmp_path, [robot], {}, Hider(())).checked("x")
     assert {one.name for one in robots[0].services} == {one.name for one in services} - {"S!"}

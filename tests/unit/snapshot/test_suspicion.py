@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 import pytest
 
@@ -19,6 +20,8 @@ SECRET = [
     ("Auth.Token", "t"),
     ("AWS_SECRET_ACCESS_KEY", "wJalrXUtnFEMI/K7MDENG/bPxRfiCYEXAMPLEKEY"),
     ("URL", "postgres://robot:hunter2@db/lab"),
+    ("URL", "postgres://robot:it's-mine@db/lab"),
+    ("URL", 'amqp://robot:<1"2>@mq'),
     ("REMOTE", "https://ghp_abcdefghijklmnopqrstuvwxyz0123456789@github.com/a/b"),
     ("CONFIG", '{"password": "hunter2"}'),
     ("ARGS", "--user a --token=abcdef"),
@@ -61,6 +64,7 @@ def test_what_robots_usually_have_is_none(name: str, value: str) -> None:
 def test_a_text_keeps_what_is_no_secret() -> None:
     assert masked("run --password=hunter2 --speed=3") == f"run --password={MASK} --speed=3"
     assert masked("mqtt://robot:hunter2@broker:1883/a") == f"mqtt://robot:{MASK}@broker:1883/a"
+    assert masked("redis://:hun@ter'2@broker/a@b") == f"redis://:{MASK}@broker/a@b"
     assert masked("token: 'abc def'  # of the lab") == f"token: '{MASK}'  # of the lab"
     assert masked_words(["app", "--password", "hunter2", "-v", "x"]) == ["app", "--password", MASK, "-v", "x"]
 
@@ -99,18 +103,25 @@ _SHORT = ("mysql -p " * 40_000, "curl '" * 80_000, "curl \"'" * 60_000)
 _TEXTS = ("a" * 400_000, "password=" * 40_000, "://a" * 90_000, "a='" * 100_000, "-----BEGIN " * 30_000)
 
 
+def is_linear(use: Callable[[str], object], text: str) -> bool:
+    """Return whether a text takes about eight times as long as an eighth of it, however fast the machine is by now."""
+
+    def took(part: str) -> float:
+        begin = time.process_time()
+        use(part)
+        return time.process_time() - begin
+
+    return any(took(text) < 0.1 + 24 * took(text[: len(text) // 8]) for _ in range(3))
+
+
 @pytest.mark.parametrize("command", [*_COMMANDS, *_SHORT], ids=range(7))
 def test_the_time_is_linear_in_a_command(command: str) -> None:
-    begin = time.process_time()
-    masked_words([command])
-    assert time.process_time() - begin < 2
+    assert is_linear(lambda text: masked_words([text]), command)
 
 
 @pytest.mark.parametrize("text", _TEXTS, ids=range(5))
 def test_the_time_is_linear_in_the_text(text: str) -> None:
-    begin = time.process_time()
-    masked(text)
-    assert time.process_time() - begin < 2
+    assert is_linear(masked, text)
 
 
 def test_of_a_text_that_is_too_long_nothing_is_shown() -> None:

@@ -70,14 +70,22 @@ def test_broken_lines_are_skipped_and_lines_are_counted(tmp_path: Path) -> None:
     assert [(k.line, k.marker, k.blob) for k in found] == [(6, "@revoked", OTHER), (7, "", BLOB)]
 
 
-def test_a_key_by_bare_name_accepts_but_never_refuses(tmp_path: Path) -> None:
+@pytest.mark.parametrize("line", ["", f"[bot.lan]:2222 ssh-ed25519 {b64(OTHER)}\n"])
+def test_the_key_of_a_bare_name_is_that_of_whoever_has_port_22(tmp_path: Path, line: str) -> None:
+    """A gateway forwards a port to each robot, and would else pass for all of them."""
     file = tmp_path / "known"
-    file.write_text(f"bot.lan ssh-ed25519 {b64(BLOB)}\n")
+    file.write_text(f"bot.lan ssh-ed25519 {b64(BLOB)}\n{line}")
     where = settings(file, port=2222)
-    known = known_keys([str(file)], *names_of(where))
-    check(where, known, "ssh-ed25519", BLOB)
-    with pytest.raises(HostKeyError, match="unknown"):
-        check(where, known, "ssh-ed25519", OTHER)
+    with pytest.raises(HostKeyError, match="changed" if line else "unknown"):
+        check(where, known_keys([str(file)], *names_of(where)), "ssh-ed25519", BLOB)
+
+
+def test_a_key_that_is_revoked_by_a_bare_name_is_so_at_every_port(tmp_path: Path) -> None:
+    file = tmp_path / "known"
+    file.write_text(f"@revoked bot.lan ssh-ed25519 {b64(BLOB)}\n[bot.lan]:2222 ssh-ed25519 {b64(BLOB)}\n")
+    where = settings(file, port=2222)
+    with pytest.raises(HostKeyError, match="@revoked"):
+        check(where, known_keys([str(file)], *names_of(where)), "ssh-ed25519", BLOB)
 
 
 def test_one_of_several_keys_is_enough(tmp_path: Path) -> None:
@@ -102,6 +110,7 @@ def test_hints_fit_how_the_robot_is_reached(tmp_path: Path) -> None:
     assert f"ssh-keyscan -t ecdsa Bot.lan >> {tmp_path}/k" in hint()
     assert "ssh-keyscan -p 2222 -t ecdsa" in hint(port=2222)
     assert "ssh r1" in hint(proxy_jump=("gate",)) and "ssh-keyscan" not in hint(proxy_jump=("gate",))
+    assert "ssh -o 'HostKeyAlias=[bot.lan]:2222' r1" in hint(proxy_jump=("gate",), port=2222)
     assert "name a file" in hint(known_hosts=("/dev/null",))
     assert "ssh_host_ecdsa_key.pub" in hint()
 

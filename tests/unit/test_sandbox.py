@@ -1,4 +1,4 @@
-"""A folder is read by root without anything else of the robot, whatever is put in the way of a name."""
+"""A folder is read, or filled, by root without anything else of the robot, whatever is put in the way of a name."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from srprov.execution.sandbox import MISSING, ended_with_channel, sandboxed
+from srprov.sandbox import MISSING, ended_with_channel, sandboxed, sandboxed_writing
 from srprov.session import Traffic
 from srprov.transport.shell.pipes import PipeStreams
+from srprov.wire import quote
 
 pytestmark = pytest.mark.skipif(os.geteuid() != 0, reason="who is not root has no sandbox")
 
@@ -58,6 +59,19 @@ def test_nothing_is_written_and_no_mount_stays(tmp_path: Path) -> None:
     assert "Read-only file system" in ran(tmp_path, "touch new").stderr
     assert not list(tmp_path.iterdir())
     assert Path("/proc/self/mounts").read_text().count(str(tmp_path)) == before
+
+
+def test_a_script_that_writes_has_that_folder_alone(tmp_path: Path) -> None:
+    """Neither the robot's programs nor what lies beyond can be written to, or get a second name there."""
+    folder, program = tmp_path / "in", f"/usr/bin/srprov-{os.getpid()}"
+    folder.mkdir()
+    (tmp_path / "decoy").write_text("secret")
+    asked = f"echo new >file; touch {program}; ln /usr/bin/env program; ln ..{tmp_path}/decoy {tmp_path}/decoy ."
+    script = f"root={quote(str(folder))}; {sandboxed_writing(asked)}"
+    done = subprocess.run(["sh", "-c", script], capture_output=True, text=True, check=False, timeout=30)
+    assert "Read-only file system" in done.stderr and "Invalid cross-device link" in done.stderr, done
+    assert not os.path.exists(program)
+    assert [(one.name, one.read_text()) for one in folder.iterdir()] == [("file", "new\n")]
 
 
 def test_who_is_not_root_reads_the_folder_as_it_is() -> None:

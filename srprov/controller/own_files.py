@@ -1,0 +1,116 @@
+"""Files of the user's own that lie beside an EDF: those with passwords of robots, their keys, and files of secrets.
+
+A file that version control keeps is one, too, by a second name that an archive gave it when it was unpacked there.
+
+An inventory often lies there, and an EDF or a CDF of a stranger may ship the whole folder. Takes definitions and the
+inventory; gives definitions that ask for each such file that would leave this machine, and for copies of the
+inventory's. Keys and passwords of robots are known by what is in a file (`own_content`). A file that a secret was read
+from stays one, whatever an EDF says by now. Reads what may be one of these, and tells nothing of it; of a secret no
+byte, which may not be allowed yet.
+
+What cannot be looked at is no reason to ask for less: what is looked through is just what would be shipped.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import os
+from collections.abc import Collection
+
+from msgspec.structs import replace
+
+from srprov import disk, regular_file, secret_files
+from srprov.controller.permissions import permit_planning
+from srprov.definitions.containermodel import ContainerDefinition
+from srprov.definitions.model import Definitions, Inventory, Service
+from srprov.definitions.own_content import LARGEST, is_own
+from srprov.definitions.version_control import has_further_names, with_further_names
+from srprov.images.context import folder_items
+from srprov.planning.policy import permissions
+
+COPIED_FIRST = ("git", "outside")
+"""Kinds of permission without which nothing is copied: what is fetched, and files that are not the experiment's."""
+_NO_ROBOTS = Inventory(hosts={}, groups={})
+_ANYBODY = "the experiment"
+"""Whose a file is that is read as a definition: its blank makes it no service's name."""
+
+
+def asked_for(definitions: Definitions, inventory: Inventory) -> Definitions:
+    """Return definitions in which each such file that would be shipped counts as one outside of the folder."""
+    experiment = definitions.experiment
+    secrets = {one.file for one in experiment.secrets.values() if one.file} | secret_files.known()
+    own = _Own({*inventory.own_files, *secrets}, inventory.own_files, os.path.realpath(experiment.folder))
+    found = {(_ANYBODY, path) for path in map(os.path.realpath, experiment.files) if own.has(path)}
+    for service in experiment.services.values():
+        cdf = definitions.containers.get(service.cdf)
+        found |= {(service.name, path) for top in _tops(service, cdf) for path in own.below(top)}
+        if cdf and cdf.dockerfile:
+            context = cdf.context or os.path.dirname(cdf.dockerfile)
+            found |= {(service.name, path) for path in own.in_context(context)}
+    outside = tuple(sorted({*experiment.outside, *found}))
+    return replace(definitions, experiment=replace(experiment, outside=outside))
+
+
+def permit_copies(definitions: Definitions, allowed: Collection[str], inventory: Inventory = _NO_ROBOTS) -> None:
+    """Refuse an export that copies what the user has not allowed.
+
+    Raises:
+        RefusedError: Names every permission that is missing.
+    """
+    found = asked_for(definitions, inventory)
+    asked = permissions(found.experiment, found.containers)
+    permit_planning([one for one in asked if one.kind in COPIED_FIRST], allowed)
+
+
+def _tops(service: Service, cdf: ContainerDefinition | None) -> set[str]:
+    """Return the files and folders that a service or its CDF names; each is a path without links."""
+    mounts = service.runtime.mounts
+    found = {one.source for one in mounts if one.kind in ("tree", "data") and one.source}
+    found |= {one.seed.path for one in mounts if one.seed}
+    return found | ({one.source for one in cdf.files} if cdf else set())
+
+
+class _Own:
+    """The files, by their paths and some by what is in them: an import, or an editor, may have made a copy."""
+
+    def __init__(self, paths: set[str], read: Collection[str], folder: str) -> None:
+        """Take real paths, which of them may be read, and the experiment's folder."""
+        self.paths = paths
+        self._files = regular_file.identities(paths)
+        self._kept = functools.cache(functools.partial(with_further_names, folder))
+        self._contents: dict[int, set[bytes]] = {}
+        for path in read:
+            with contextlib.suppress(OSError):  # who needs it says so
+                content = regular_file.read(path, LARGEST)
+                self._contents.setdefault(len(content), set()).add(content)
+        # many services may name one folder
+        self.below, self.in_context = functools.cache(self._below), functools.cache(self._in_context)
+
+    def has(self, path: str) -> bool:
+        """Return whether a file is one, a copy of one, a private key, or has a password of robots."""
+        if path in self.paths:
+            return True
+        with contextlib.suppress(OSError):
+            about = os.lstat(path)
+            known = (about.st_dev, about.st_ino)
+            if known in self._files or (has_further_names(about) and known in self._kept()):
+                return True
+            if 0 < (size := about.st_size) <= LARGEST:
+                content = regular_file.read(path, size)
+                return content in self._contents.get(size, ()) or is_own(content)
+        return False
+
+    def _below(self, top: str) -> tuple[str, ...]:
+        """Return those that a file is, or that lie in a folder."""
+        with contextlib.suppress(OSError):  # what cannot be looked through is not shipped, which says so
+            files = [one for one in disk.shipped(top) if one.link is None]
+            return tuple(path for one in files if self.has(path := f"{top}/{one.path}".rstrip("/")))
+        return ()
+
+    def _in_context(self, folder: str) -> tuple[str, ...]:
+        """Return those in a build's context, but for what its `.dockerignore` leaves out."""
+        with contextlib.suppress(OSError, ValueError):  # it is told when the image is planned
+            files = [one for one in folder_items(folder, disk.listing, disk.read) if one.link is None]
+            return tuple(path for one in files if self.has(path := f"{folder}/{one.path}"))
+        return ()

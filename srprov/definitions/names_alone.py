@@ -1,0 +1,67 @@
+"""Inventories with which nothing else is read: names with a comma (`-i robot1,robot2,`), and files that say so.
+
+Who gives names alone has named no file. So none is read for them: neither variables that lie in the folder at hand, nor
+a file that is called so. That folder may be a project of a stranger's, whose variables would run a program here. So it
+is with an inventory that srprov wrote in such a folder: what lies beside it may have come later, as by `git pull`.
+Looks at the file system.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection
+
+from srprov.codes import Code
+from srprov.errors import DefinitionError, Diagnostic, Location
+from srprov.regular_file import WHOLE, variables_beside
+
+
+def are_names(path: str) -> bool:
+    """Return whether what stands in an inventory's place are names: with a comma, and no path that is there."""
+    return "," in path and ("/" not in path or not os.path.exists(path))
+
+
+def split(path: str) -> list[str]:
+    """Return the names.
+
+    Raises:
+        DefinitionError: A file is called so.
+    """
+    if os.path.lexists(path):
+        message = "are names of robots and the name of a file, too, which may be a stranger's"
+        raise _refused(path, message, f"if you mean the file: -i ./{path}")
+    return [name.strip() for name in path.split(",") if name.strip()]
+
+
+def check_nothing_beside(paths: Collection[str], folders: Collection[str]) -> None:
+    """Refuse names where Ansible would read variables for them, from the folder at hand.
+
+    Args:
+        paths: All that stands in an inventory's place.
+        folders: Those of which variables are read anyway, since an inventory that lies there was named.
+
+    Raises:
+        DefinitionError: There are variables.
+    """
+    here = os.path.realpath(os.curdir)
+    given = next(filter(are_names, paths), "")
+    if given and here not in map(os.path.realpath, folders) and (beside := variables_beside(os.curdir)):
+        message = f"are names alone, for which {os.path.normpath(beside)} is not read: it may be a stranger's"
+        hint = "write the names into a file beside it and name that; or work in another folder"
+        raise _refused(given, message, hint)
+
+
+def check_whole(path: str, text: str) -> None:
+    """Refuse an inventory that says to be read alone, where variables would be read with it.
+
+    Raises:
+        DefinitionError: There are variables.
+    """
+    lines = text.splitlines()
+    if WHOLE in lines and (beside := variables_beside(os.path.dirname(path) or os.curdir)):
+        message = f"says that nothing is read with it, and {os.path.relpath(beside)} would be: it may be a stranger's"
+        raise _refused(path, message, "if it is yours, take this line away", line=lines.index(WHOLE) + 1)
+
+
+def _refused(path: str, message: str, hint: str, line: int = 1) -> DefinitionError:
+    return DefinitionError([Diagnostic(Location(path, line), message, hint=hint, code=Code.UNNAMED_INVENTORY)])

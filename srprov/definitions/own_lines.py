@@ -1,0 +1,63 @@
+"""Problems of definitions -> the same, but of the user's own files nothing of what is in them.
+
+An EDF or a CDF may name any file beside it, as one of variables or as a Dockerfile, and what is wrong with a file is
+shown with its line: in a terminal, and in the log of whoever checks a stranger's change, which everybody may read.
+Takes problems; looks at the files that they are about.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import os
+from collections.abc import Collection
+
+from srprov import regular_file, secret_files
+from srprov.codes import Code
+from srprov.definitions.own_content import LARGEST, is_own
+from srprov.definitions.version_control import is_kept
+from srprov.errors import Diagnostic, Location
+
+
+def hide_own(problems: Collection[Diagnostic], named: str, folder: str) -> list[Diagnostic]:
+    """Return problems, of each own file one that says nothing but that there is one.
+
+    Args:
+        problems: What is wrong.
+        named: The file that the user himself named.
+        folder: What version control keeps below it is the user's own.
+    """
+    if not problems:
+        return []
+    root, secrets = os.path.realpath(folder), secret_files.known()
+    but = os.path.realpath(named)
+
+    @functools.cache
+    def own(file: str) -> bool:
+        return bool(file) and os.path.realpath(file) != but and is_users_own(file, root, secrets)
+
+    shown = (_hidden(one.location.file) if own(one.location.file) else one for one in problems)
+    return list(dict.fromkeys(shown))
+
+
+def is_users_own(file: str, root: str, secrets: Collection[str]) -> bool:
+    """Return whether a file is the user's own, by whatever name: version control keeps it, or a secret is in it.
+
+    Args:
+        file: Its path.
+        root: What version control keeps below it counts; a path without links.
+        secrets: Files that secrets were read from.
+    """
+    with contextlib.suppress(OSError, ValueError):  # who reads it said so
+        real = os.path.realpath(file)
+        if os.path.isfile(real):
+            if regular_file.is_one_of(real, secrets) or is_kept(real, root):
+                return True
+            return is_own(regular_file.read(real, LARGEST))
+    return False
+
+
+def _hidden(file: str) -> Diagnostic:
+    message = "is not valid; what is wrong is not shown of a file that is kept by version control, or has a key, a"
+    hint = "name another file, or look at it yourself"
+    return Diagnostic(Location(file), f"{message} secret or a password of robots", hint=hint, code=Code.OUTSIDE)

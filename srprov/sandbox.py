@@ -1,0 +1,76 @@
+"""A shell script that reads or fills a folder by names that others choose, closed off from the rest of its robot.
+
+Root reads files there by their names, and a container may put a link or a device in the way of any name meanwhile; or
+unpacks an archive of another robot, whose names and links may lead anywhere. In a mount namespace of its own, with a
+root that holds only the robot's programs, read-only, and that folder without devices, a link leads nowhere else, a
+device cannot be opened, and no hard link reaches what lies beyond. Who is not root has nothing to lose there.
+"""
+
+from __future__ import annotations
+
+from srprov.wire import quote
+
+MISSING, NO_SANDBOX = 44, 47
+"""Exit statuses: the folder is gone; it could not be closed off."""
+NOT_CLOSED = "its folder cannot be closed off from the robot's other files; unshare and mount of util-linux do that"
+"""What `NO_SANDBOX` means, in words."""
+
+_ENTER = f"""cd -- "$1" || exit {MISSING}
+mount -t tmpfs -o mode=755,size=64k,nosuid srprov /tmp && mkdir /tmp/dev /tmp/folder && : >/tmp/dev/null &&
+mount --bind /dev/null /tmp/dev/null || exit {NO_SANDBOX}
+links=
+for name in bin sbin lib lib32 lib64 libx32 usr; do
+  if [ -L "/$name" ]; then links="$links /$name"
+  elif [ -d "/$name" ]; then
+    mkdir "/tmp/$name" && mount --bind "/$name" "/tmp/$name" && mount -o remount,bind,ro "/tmp/$name" ||
+      exit {NO_SANDBOX}
+  fi
+done
+[ ! "$links" ] || cp -P $links /tmp || exit {NO_SANDBOX}
+for name in $4; do
+  [ -f "/etc/$name" ] || continue
+  mkdir -p /tmp/etc && : >"/tmp/etc/$name" && mount --bind "/etc/$name" "/tmp/etc/$name" &&
+    mount -o remount,bind,ro "/tmp/etc/$name" || exit {NO_SANDBOX}
+done
+mount -c --bind . /tmp/folder && mount -o "remount,bind,$3,nodev,nosuid,noexec" /tmp/folder || exit {NO_SANDBOX}
+exec chroot /tmp sh -c "cd /folder; $2"
+"""
+_WATCHED = (
+    "exec 3<&0; timeout -k 9 {most} sh -c {script} 3<&- & job=$!; trap 'kill $job' HUP TERM; "
+    "{{ cat <&3; kill $job; }} >/dev/null 2>&1 & watch=$!; exec 3<&-; "
+    "wait $job; status=$?; kill $watch; exit $status"
+)
+
+
+def sandboxed(root: str, script: str) -> str:
+    """Return a script that runs another one in a folder of the robot, which is its working folder at the start.
+
+    The inner one ends with `exit` or its last status, reads only, and sees the folder under another name.
+    """
+    return f"root=$(realpath -e -- {quote(root)} 2>/dev/null) || exit {MISSING}; {_closed(script, 'ro', '')}"
+
+
+def sandboxed_writing(script: str) -> str:
+    """Return the same of the folder that the shell's `$root` names, where the inner script may write, and nowhere else.
+
+    It knows the names of the robot's users and groups: access lists of an archive name them.
+    """
+    return _closed(script, "rw", "passwd group")
+
+
+def _closed(script: str, way: str, known: str) -> str:
+    inside = quote(script)
+    return (
+        f'if [ "$(id -u)" != 0 ]; then cd -- "$root" || exit {MISSING}; exec sh -c {inside}; fi; '
+        f"unshare -m true || exit {NO_SANDBOX}; "
+        f'exec unshare -m sh -c {quote(_ENTER)} sh "$root" {inside} {way} {quote(known)}'
+    )
+
+
+def ended_with_channel(script: str, most_s: float) -> str:
+    """Return a script that ends another one, with all that it started, when the channel that feeds its shell is closed.
+
+    Or after so many seconds. The other one reads nothing from the channel.
+    """
+    # a shell that is killed at once after its fork may ignore that and live on: what watches holds no output open
+    return _WATCHED.format(script=quote(script), most=f"{most_s:.0f}")

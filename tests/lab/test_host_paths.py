@@ -1,0 +1,110 @@
+"""What a container gets of real robots by their paths and namespaces, beyond its name: the plan says so."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.lab.conftest import Lab, busybox, edf, part_of_lab
+
+pytestmark = pytest.mark.lab
+
+WRITTEN = "root may run or believe what is written there"
+READ = "a key there may let somebody in, and a socket there may do as root what it is told"
+
+
+def planned(lab: Lab, tmp_path: Path, *volumes: str, **fields: Any) -> dict[str, Any]:
+    path = tmp_path / "experiment.edf"
+    path.write_text(edf("paths", {"a": busybox(robot="robot1", volumes=list(volumes), **fields)}))
+    done = lab.srprov("plan", str(path), "-i", part_of_lab(lab, ["robot1"], tmp_path / "lab.yml"), "--json")
+    assert done.code == 0, done
+    found: dict[str, Any] = json.loads(done.out)
+    return found
+
+
+def test_what_a_path_gives_away_is_said_before_it_does(lab: Lab, tmp_path: Path) -> None:
+    """By a socket of tmux's, mounted read-only, a container typed into root's shell."""
+    lab.shell("robot1", "mkdir", "-p", "/tmp/tmux-0", "/home/robot/bin", "/srv/paths")
+    plan = planned(lab, tmp_path, "/tmp/tmux-0:/t:ro", "/root:/r:ro", "~robot/bin:/b", "/srv/paths:/s")
+    said = [one["what"] for one in plan["permissions"]]
+    only = "read-only, but for what is mounted below it"
+    assert said == [
+        f"/home/robot/bin ({WRITTEN})",
+        f"/root ({only}; {READ})",
+        "/srv/paths",
+        f"/tmp/tmux-0 ({only}; {READ})",
+    ]
+    lab.shell("robot1", "rmdir", "/tmp/tmux-0", "/home/robot/bin", "/srv/paths")
+
+
+LAYERS = "lowerdir=/etc,upperdir=/data/overlay-etc/upper,workdir=/data/overlay-etc/work"
+SET_UP = f"""mkdir -p /data /srv/people &&
+mount -t tmpfs data /data && mkdir -p /data/overlay-etc/upper /data/overlay-etc/work /data/maps &&
+mount -t overlay -o {LAYERS} overlay /etc &&
+mv /home/robot /srv/people/robot && sed 's#:/home/robot:#:/srv/people/robot:#' /etc/passwd >/etc/passwd.new &&
+cp /etc/passwd.new /etc/passwd"""
+TAKE_DOWN = "umount /etc; umount /data; mv /srv/people/robot /home/robot; rmdir /data /srv/people"
+
+
+def test_a_path_is_what_the_robot_has_there_whatever_its_name(lab: Lab, tmp_path: Path) -> None:
+    """By the layer of `/etc` below `/data` a container had root's shell run something, and by `.ssh` it logged in."""
+    lab.shell("robot1", "sh", "-c", SET_UP)
+    try:
+        data = planned(lab, tmp_path, "/data:/d")["notes"]
+        maps = planned(lab, tmp_path, "/data/maps:/m")["notes"]
+        people = planned(lab, tmp_path, "/srv/people:/p:ro", "~robot/.ssh:/s:ro")["notes"]
+    finally:
+        lab.shell("robot1", "sh", "-c", TAKE_DOWN)
+    assert [one for one in data if "/data" in one] == [
+        f"robot1: /data, which 'a' mounts, is, holds or lies in /etc: {WRITTEN}"
+    ]
+    assert not [one for one in maps if "/data" in one]
+    assert f"robot1: /srv/people, which 'a' mounts, is, holds or lies in /srv/people/robot: {READ}" in people
+
+
+def test_what_a_namespace_of_the_robot_reaches_is_said(lab: Lab, tmp_path: Path) -> None:
+    """By a connection of ssh's in `/dev/shm` a container was root on another robot, by an engine on 127.0.0.1 here."""
+    plan = planned(lab, tmp_path, network="host", ipc="host")
+    network, ipc = plan["permissions"]
+    assert (network["kind"], ipc["kind"]) == ("host-network", "host-ipc")
+    assert "on the loopback" in network["what"] and "a socket in it" in ipc["what"]
+
+
+def test_what_an_engine_sends_for_a_container_may_be_an_order(lab: Lab, tmp_path: Path) -> None:
+    """By a redirect of the experiment's own, `splunk` told an engine on 127.0.0.1 to build: root by `logging` alone."""
+    options = {"splunk-url": "http://127.0.0.1:8088", "splunk-token": "x"}
+    driver, *_ = planned(lab, tmp_path, logging={"driver": "splunk", "options": options})["permissions"]
+    assert driver["kind"] == "logging" and "by sockets in any folder" in driver["what"]
+
+
+CONSOLE = """
+import socket, subprocess
+server = socket.create_server(("127.0.0.1", 4444))
+while True:
+    subprocess.Popen(["/bin/sh"], stdin=server.accept()[0])
+"""
+"""A console that root left on the loopback."""
+
+
+def test_what_an_engine_sends_logs_to_is_told_lines_by_root_and_the_plan_says_so(lab: Lab, tmp_path: Path) -> None:
+    lines = {"syslog-address": "tcp://127.0.0.1:4444", "tag": "x\nid -u >/root/told\n: "}
+    logging = {"driver": "syslog", "options": lines}
+    said = [one["what"] for one in planned(lab, tmp_path, logging=logging)["permissions"]]
+    assert "by sockets in any folder" in said[0], said
+    begun = f"setsid python3 -c '{CONSOLE}' </dev/null >/dev/null 2>&1 & echo $! >/root/console; sleep 1"
+    lab.shell("robot1", "sh", "-c", begun)
+    path, inventory = tmp_path / "experiment.edf", str(tmp_path / "lab.yml")
+    path.write_text(
+        edf("paths", {"a": busybox("sh", "-c", "echo x; exec sleep 86400", robot="robot1", logging=logging)}),
+        encoding="utf-8",
+    )
+    try:
+        done = lab.srprov("apply", str(path), "-i", inventory, "--yes", "--settle", "2", "--allow", "logging")
+        told = lab.shell("robot1", "sh", "-c", "cat /root/told").out
+    finally:
+        lab.srprov("destroy", str(path), "-i", inventory, "--yes")
+        lab.shell("robot1", "sh", "-c", "kill $(cat /root/console); rm -f /root/told /root/console")
+    assert (done.code, told) == (0, "0\n"), done

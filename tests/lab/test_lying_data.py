@@ -1,0 +1,64 @@
+"""A robot that lies in an archive of a volume's data, which another robot unpacks as root."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.lab.conftest import Lab, busybox, edf, part_of_lab
+
+pytestmark = pytest.mark.lab
+
+OWN, NEW = "/var/lib/docker/volumes/own/_data", "/var/lib/docker/volumes/srprov.moved.d/_data"
+LIAR = r"""
+mkdir -p /root/lie/as/b && cd /root/lie && printf 'rm -rf /\n' >as/x && ln -s "$1" as/p && : >as/b/file
+for one in as/x as/b/file as/p as/b as; do touch -h -d @1700000000 $one; done
+python3 - "$1" <<'END'
+import sys, tarfile
+with tarfile.open("lie.tar", "w") as tar:
+    for name, kind, link, mode in (
+        (".", b"5", "", 0o755), ("b", b"5", "", 0o755), ("p", b"2", "b", 0o777), ("p/file", b"2", "/nowhere", 0o777),
+        ("x", b"1", "p/file", 0o644), ("p", b"2", sys.argv[1], 0o777), ("b/file", b"0", "", 0o644),
+        ("b", b"5", "", 0o755),
+    ):
+        one = tarfile.TarInfo(name)
+        one.type, one.linkname, one.mode, one.mtime = kind, link, mode, 1700000000
+        tar.addfile(one)
+END
+cat >/usr/local/sbin/tar <<'END'
+#!/bin/bash
+case "$*" in
+*--sort=name*) exec /usr/bin/tar "${@/--directory=*/--directory=/root/lie/as}" ;;
+*--sparse*) exec cat /root/lie/lie.tar ;;
+esac
+exec /usr/bin/tar "$@"
+END
+chmod 755 /usr/local/sbin/tar
+"""
+"""What it sends makes `x` a second name of the file `file` in a folder of the other robot; and its hash is right."""
+
+
+def test_data_that_is_moved_makes_no_second_name_of_a_file_of_another_robot(lab_of_module: Lab, tmp_path: Path) -> None:
+    """The mode, the time and the content of that file are known, as those of packages are; the move fails."""
+    lab, path = lab_of_module, tmp_path / "moved.edf"
+    inventory = part_of_lab(lab, ["robot1", "robot2"], tmp_path / "lab.yml")
+    home = {"XDG_STATE_HOME": str(tmp_path / "state")}
+
+    def apply(robot: str) -> int:
+        path.write_text(edf("moved", {"a": busybox(robot=robot, volumes=["d:/d"])}), encoding="utf-8")
+        words = ("apply", str(path), "-i", inventory, "--yes", "--settle", "0", "--data", "move")
+        return lab.srprov(*words, env=home).code
+
+    try:
+        assert apply("robot1") == 0
+        make = f"docker volume create own && printf 'rm -rf /\\n' >{OWN}/file && touch -d @1700000000 {OWN}/file"
+        lab.shell("robot2", "sh", "-ec", make)
+        lab.shell("robot1", "sh", "-ec", LIAR, "sh", OWN)
+        assert apply("robot2") != 0
+        assert lab.shell("robot2", "stat", "-c", "%h", f"{OWN}/file").out == "1\n"
+        assert lab.shell("robot2", "ls", NEW, check=False).code != 0
+    finally:
+        lab.shell("robot1", "rm", "-rf", "/usr/local/sbin/tar", "/root/lie", check=False)
+        lab.srprov("destroy", str(path), "-i", inventory, "--yes", "--volumes", env=home)
+        lab.shell("robot2", "docker", "volume", "rm", "-f", "own", check=False)

@@ -1,0 +1,91 @@
+"""What a path of a robot is beside what its name says, as the plan tells it."""
+
+from __future__ import annotations
+
+import pytest
+
+from srprov.controller.other_names import other_names, used
+from srprov.controller.robot_mounts import Mounts
+from srprov.definitions.containermodel import Mount
+from tests.bounded import bounded
+from tests.fakes import World
+from tests.worlds import experiment, plan_for, service
+
+ROOT = "20 1 8:1 / / rw - ext4 /dev/sda1 rw\n"
+DATA = ROOT + "21 20 8:2 / /data rw - ext4 /dev/sda2 rw\n"
+ETC = "22 20 0:40 / /etc rw - overlay overlay rw,lowerdir=/etc,upperdir=/data/overlay-etc/upper,workdir=/data/w\n"
+LIVE = (
+    "20 1 0:30 / / rw - overlay overlayroot rw,lowerdir=/media/root-ro,upperdir=/media/root-rw/overlay\n"
+    "21 20 8:1 / /media/root-ro ro - ext4 /dev/sda1 ro\n22 20 0:31 / /media/root-rw rw - tmpfs tmpfs rw\n"
+)
+HOMES = DATA + "23 20 8:2 /people /home rw - ext4 /dev/sda2 rw\n"
+WRITTEN = "root may run or believe what is written there"
+
+
+def said(mounts: str, path: str, *others: str, read_only: bool = False) -> list[str]:
+    return list(other_names([(path, path, read_only)], Mounts(mounts), others))
+
+
+@pytest.mark.parametrize(
+    ("mounts", "path", "names"),
+    [
+        (DATA + ETC, "/data", "/etc"),
+        (DATA + ETC, "/data/overlay-etc", "/etc"),
+        (DATA + ETC, "/data/overlay-etc/upper/cron.d", "/etc/cron.d"),
+        (LIVE, "/media/root-rw/overlay/etc", "/etc"),
+        (LIVE, "/media/root-ro/opt/x", "/opt/x"),
+        (HOMES, "/data", "/home"),
+        (HOMES, "/data/people/lab/maps", "/home/lab/maps"),
+        (ROOT + "24 20 8:1 / /mnt/all rw - ext4 /dev/sda1 rw\n", "/mnt/all/usr", "/usr"),
+        (DATA + "25 21 8:1 /var/spool /data/x rw - ext4 /dev/sda1 rw\n", "/data", "/var/spool"),
+    ],
+)
+def test_another_name_of_a_path_counts(mounts: str, path: str, names: str) -> None:
+    """An image of Yocto's has the upper layer of `/etc` below `/data`: who has `/data` writes rules for root."""
+    assert said(mounts, path) == [f"{path} is, holds or lies in {names}: {WRITTEN}"]
+
+
+@pytest.mark.parametrize(
+    ("mounts", "path"),
+    [
+        (ROOT, "/data/maps"),
+        (DATA, "/data/maps"),
+        (DATA + ETC, "/data/maps"),
+        (DATA + ETC, "/srv/maps"),
+        (HOMES, "/data/maps"),
+        (DATA + "26 20 8:2 /maps /srv/maps rw - ext4 /dev/sda2 rw\n", "/data"),
+        (DATA + ETC, "/etc"),
+        (LIVE.replace("/media/root-rw", "/run/live"), "/srv/maps"),
+        ("", "/data"),
+        ("garbage\n", "/data"),
+    ],
+)
+def test_where_data_are_by_each_name_or_it_was_said_nothing_is(mounts: str, path: str) -> None:
+    assert said(mounts, path) == []
+
+
+def test_what_a_robot_uses_counts_whatever_its_name() -> None:
+    """Somebody's home, the file that memory is swapped to, and one that a file system is in."""
+    others = used("/srv/robot\n/mnt/swapfile\n/\nrelative\n/data/usr.img\n/home/lab\n")
+    assert others == ["/data/usr.img", "/home/lab", "/mnt/swapfile", "/srv/robot"]
+    assert said(DATA, "/srv", *others) == [f"/srv is, holds or lies in /srv/robot: {WRITTEN}"]
+    assert said(DATA, "/srv/robot/bin", *others) == [f"/srv/robot/bin is, holds or lies in /srv/robot: {WRITTEN}"]
+    assert "/mnt/swapfile: a key there" in said(DATA, "/mnt", *others, read_only=True)[0]
+    assert said(DATA, "/data/usr.img", *others) and not said(DATA, "/srv/robots", *others)
+
+
+def test_a_plan_says_so_of_each_robot_of_a_new_container() -> None:
+    world = World().add("r1")
+    world.robots["r1"].mounts, world.robots["r1"].used = DATA + ETC, "/data/people/lab\n"
+    mounts = (Mount(kind="bind", source="/data", target="/x"),)
+    notes = plan_for(world, experiment(service("a", mounts=mounts))).notes
+    assert notes == (f"r1: /data, which 'a' mounts, is, holds or lies in /etc, /data/people/lab: {WRITTEN}",)
+
+
+def test_what_has_no_end_is_told_in_time() -> None:
+    mounts = ROOT + "".join(f"{30 + n} 20 8:{n} /x{n} /m{n}/{n} rw - ext4 x rw\n" for n in range(50_000))
+    paths = [(f"/srv/{n}", f"/srv/{n}", False) for n in range(3000)]
+    assert bounded(lambda: list(other_names(paths, Mounts(mounts), ())), 10.0) == []
+    endless = ROOT + "".join(f"{30 + n} 20 8:1 /srv/m /m{n} rw - ext4 x rw\n" for n in range(90_000))
+    (line,) = bounded(lambda: said(endless + "9 20 8:1 / /mnt/z rw - ext4 x rw\n", "/srv/m"), 20.0)
+    assert line.endswith(f" and more: {WRITTEN}")

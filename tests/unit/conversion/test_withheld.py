@@ -1,0 +1,130 @@
+"""Files that a Compose project calls secrets', or that are the user's own, are never copied, nor are their values."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from srprov.cli.main import run
+from srprov.record.memory import note_secret_files
+
+CANARY = "hunter2-hunter2"
+MOUNT = "services: {a: {image: x, volumes: ['./keys:/keys:ro']}"
+USE = ", up: {image: x, profiles: [up], secrets: [t]}"
+SECRET = "secrets: {t: {file: ./keys/token}}\n"
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    for name in ("keys/token", "sub/keys/token"):
+        Path(name).parent.mkdir(parents=True)
+        Path(name).write_text(CANARY)
+    Path("keys/map").write_text("a map")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("files", "words"),
+    [
+        ({"c.yml": f"{MOUNT}{USE}}}\n{SECRET}"}, ("--profile", "other")),
+        ({"c.yml": f"{MOUNT}}}\n{SECRET}"}, ()),
+        ({"c.yml": f"{MOUNT}}}\n{SECRET}", "d.yml": "secrets: {t: {file: ./other}}\n"}, ()),
+        ({"c.yml": f"{MOUNT}}}\nsecrets: {{t: !reset null}}\n", "b.yml": SECRET}, ()),
+        ({"c.yml": f"{MOUNT}}}\nsecrets: {{t: {{file: '${{DIR:-./keys}}/token'}}}}\n"}, ()),
+        ({"c.yml": f"include: [more/d.yml]\n{MOUNT}}}\n", "more/d.yml": SECRET.replace("./", "../")}, ()),
+    ],
+    ids=["the profile is off", "unused", "another one over it", "taken back", "variable", "included"],
+)
+def test_a_secret_that_no_service_has_is_not_copied(here: Path, files: dict[str, str], words: tuple[str, ...]) -> None:
+    for name, text in files.items():
+        Path(name).parent.mkdir(exist_ok=True)
+        Path(name).write_text(text)
+    named = [name for name in files if "/" not in name]
+    assert run(["import", "compose", *sorted(named), *words, "-o", "out"]) == 0
+    assert [one.name for one in Path("out").rglob("keys/*")] == ["map"]
+
+
+@pytest.mark.parametrize("kept", ["keys/token", ".git/config"])
+def test_no_second_name_of_a_file_of_the_users_own_is_imported(
+    here: Path, capsys: pytest.CaptureFixture[str], kept: str
+) -> None:
+    """As an archive makes one that is unpacked there, by a hard link."""
+    Path(".git").mkdir()
+    Path(".git/config").write_text(f"url={CANARY}\n")
+    note_secret_files([str(here / "keys/token")])
+    Path("pub").mkdir()
+    os.link(kept, "pub/x.env")
+    Path("pub/map").write_text("a map")
+    Path("c.yml").write_text("services: {a: {image: x, volumes: ['./pub:/pub:ro']}}\n")
+    assert run(["import", "compose", "c.yml", "-o", "out"]) == 0
+    assert [one.name for one in Path("out").rglob("pub/*")] == ["map"]
+    Path("c.yml").write_text("services: {a: {image: x, env_file: pub/x.env}}\n")
+    assert run(["import", "compose", "c.yml", "-o", "other"]) == 5
+    shown = capsys.readouterr()
+    assert CANARY not in shown.out + shown.err and "pub/x.env" in shown.err
+
+
+def test_a_secret_of_a_file_that_is_extended_is_not_copied(here: Path) -> None:
+    Path("sub/d.yml").write_text(f"services: {{b: {{image: x}}}}\n{SECRET}")
+    Path("c.yml").write_text(
+        "services: {a: {extends: {file: sub/d.yml, service: b}, volumes: ['./sub:/sub:ro', './keys:/keys:ro']}}\n"
+    )
+    assert run(["import", "compose", "c.yml", "-o", "out"]) == 0
+    assert not any(one.read_text() == CANARY for one in Path("out").rglob("token"))
+
+
+def test_a_folder_that_is_a_secret_is_not_copied(here: Path) -> None:
+    Path("sub/map").write_text("a map")
+    Path("c.yml").write_text(
+        "services: {a: {image: x, volumes: ['./sub:/sub:ro']}}\nsecrets: {t: {file: ./sub/keys}}\n"
+    )
+    assert run(["import", "compose", "c.yml", "-o", "out"]) == 0
+    assert [one.name for one in Path("out/files/sub").iterdir()] == ["map"]
+
+
+OWN = "ansible_become_password: hunter2-hunter2\n"
+ASKS = "services: {a: {image: x, environment: {GREETING: '${ansible_become_password}'}}}\n"
+INNER = "include: [{path: inner.yml, env_file: group_vars/all.yml}]\n"
+LABELS = "services: {a: {image: x, label_file: group_vars/all.yml}}\n"
+
+
+@pytest.mark.parametrize("text", [INNER, ASKS, LABELS, LABELS.replace("label_file", "env_file")])
+@pytest.mark.parametrize("own", [OWN, f"all:\n  vars:\n    {OWN}", "ansible_become_password=hunter2-hunter2\n"])
+def test_no_password_of_robots_becomes_a_variable(
+    here: Path, capsys: pytest.CaptureFixture[str], text: str, own: str
+) -> None:
+    """Under another name nobody knows it again, and a container had it unasked; what the user names himself is read."""
+    Path("group_vars").mkdir()
+    Path("group_vars/all.yml").write_text(own)
+    Path("inner.yml").write_text(ASKS)
+    Path("c.yml").write_text(text)
+    if text == ASKS:
+        Path(".env").symlink_to("group_vars/all.yml")
+    assert run(["import", "compose", "c.yml", "-o", "out"]) == 5
+    told = capsys.readouterr()
+    assert "holds a password of robots" in told.err and CANARY not in told.out + told.err
+    assert not Path("out").exists()
+    if text == ASKS:
+        assert run(["import", "compose", "c.yml", "--env-file", "group_vars/all.yml", "-o", "out"]) == 0
+
+
+def test_the_file_of_a_secret_stays_one_in_what_is_imported(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An experiment had it read here; now the project has a Compose file, which names no secret."""
+    Path("keys/token").write_text(f"TOKEN={CANARY}\n")
+    note_secret_files([str(here / "keys/token")])
+    Path("c.yml").write_text(f"{MOUNT}}}\n")
+    assert run(["import", "compose", "c.yml", "-o", "out"]) == 0
+    assert [one.name for one in Path("out").rglob("keys/*")] == ["map"]
+    Path("d.yml").write_text("services: {a: {image: x, env_file: keys/token}}\n")
+    assert run(["import", "compose", "d.yml", "-o", "other"]) == 5
+    assert "or a secret" in capsys.readouterr().err
+    (here / "built").mkdir()
+    Path("built/Dockerfile").write_text("FROM busybox\nCOPY . /ws\n")
+    Path("built/token").write_text(CANARY)
+    note_secret_files([str(here / "built/token")])
+    Path("s.yml").write_text("version: '1'\nservices: {a: {image: built}}\n")
+    assert run(["import", "swarmrob", "s.yml", "built/Dockerfile", "-o", "swarm"]) == 0
+    assert list(Path("swarm").rglob("Dockerfile")) and not list(Path("swarm").rglob("token"))

@@ -1,0 +1,82 @@
+"""Names of robots in an inventory's place: nothing that lies in the folder at hand is read for them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from srprov.definitions import load_inventory
+from srprov.definitions.starter import starter
+from srprov.errors import DefinitionError
+from srprov.lab.inventory import as_text
+from srprov.lab.places import Site
+from srprov.lab.spec import Robot
+
+PROGRAM = 'ansible_ssh_common_args: -o ProxyCommand="sh -c id"\n'
+
+
+@pytest.fixture
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Give a folder of a stranger's, in which the user works."""
+    folder = tmp_path / "project"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    return folder
+
+
+@pytest.mark.parametrize("place", ["group_vars/all.yml", "group_vars/all/more", "host_vars/robot1.yml"])
+def test_no_variables_of_the_folder_at_hand_count_for_names_alone(project: Path, place: str) -> None:
+    """They may name a program that would run here, as soon as any verb connects; a link to them counts as well."""
+    (project / place).parent.mkdir(parents=True)
+    (project / place).write_text(PROGRAM)
+    for names in ("robot1,", "robot1,robot2"):
+        with pytest.raises(DefinitionError) as refused:
+            load_inventory([names])
+        assert f"for which {place.partition('/')[0]} is not read" in refused.value.problems[0].message
+    (project / place).unlink()
+    top = project / place.partition("/")[0]
+    top.rename(project.parent / "elsewhere")
+    top.symlink_to("../elsewhere")
+    with pytest.raises(DefinitionError):
+        load_inventory(["robot1,"])
+    top.unlink()
+    assert sorted(load_inventory(["robot1,robot2,"]).hosts) == ["robot1", "robot2"]
+
+
+def test_no_file_is_read_that_is_called_like_names(project: Path) -> None:
+    """It may be a program, which then ran; with a folder before it, it is named as a file."""
+    (project / "robot1,robot2,").write_text("robot3 ansible_host=10.0.0.3\n")
+    with pytest.raises(DefinitionError) as refused:
+        load_inventory(["robot1,robot2,"])
+    assert "the name of a file, too" in refused.value.problems[0].message
+    assert list(load_inventory(["./robot1,robot2,"]).hosts) == ["robot3"]
+
+
+def test_names_beside_an_inventory_that_was_named_have_its_variables(project: Path) -> None:
+    """The user has named a file of that folder."""
+    (project / "group_vars").mkdir()
+    (project / "group_vars" / "all.yml").write_text("ansible_user: robot\n")
+    (project / "lab.ini").write_text("robot1\n")
+    found = load_inventory(["lab.ini", "robot9,"])
+    assert {name: one.user for name, one in found.hosts.items()} == {"robot1": "robot", "robot9": "robot"}
+
+
+@pytest.mark.parametrize("place", ["group_vars/all.yml", "host_vars/robot1.yml"])
+@pytest.mark.parametrize("who", ["lab up", "init"])
+def test_nothing_is_read_with_an_inventory_that_srprov_wrote(project: Path, place: str, who: str) -> None:
+    """A project that was cloned brings it by the next `git pull`; whoever wrote it himself takes the line away."""
+    lab = as_text(Site("", 1), [Robot("robot1")], None)
+    text = lab if who == "lab up" else starter("x")["inventory.yml"]
+    (project / "hosts.yml").write_text(text)
+    assert "robot1" in load_inventory(["hosts.yml"]).hosts
+    (project / place).parent.mkdir()
+    (project / place).write_text(PROGRAM)
+    for named in ("hosts.yml", str(project / "hosts.yml"), "."):
+        with pytest.raises(DefinitionError) as refused:
+            load_inventory([named])
+        (problem,) = refused.value.problems
+        assert f"{place.partition('/')[0]} would be" in problem.message
+        assert "host_vars" in text.splitlines()[problem.location.line - 1], "the line that says so"
+    (project / "hosts.yml").write_text("".join(one for one in text.splitlines(True) if "host_vars" not in one))
+    assert load_inventory(["hosts.yml"]).hosts["robot1"].ssh_options
