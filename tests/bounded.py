@@ -6,7 +6,8 @@ import os
 import pickle
 import resource
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TypeVar
 
 T = TypeVar("T")
@@ -28,6 +29,17 @@ def _slowness() -> float:
     for _ in range(20):
         _unit()
     return max(1.0, (time.process_time() - begin) / (20 * _UNIT_S))
+
+
+@contextmanager
+def within(cpu_s: float) -> Iterator[None]:
+    """Hold what is done inside to so many CPU seconds of this process, on the processors for which limits are meant."""
+    begin = time.process_time()
+    yield
+    took = time.process_time() - begin
+    if took >= cpu_s:
+        took /= _slowness()
+    assert took < cpu_s, f"it took {took:.1f} s"
 
 
 def bounded(work: Callable[[], T], cpu_s: float = CPU_S, memory: int = MEMORY_BYTES) -> T:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from typing import Any
 
 import pytest
@@ -23,6 +22,7 @@ from srprov.planning.planread import is_plan, load
 from srprov.transport.engine.answers import message_of
 from srprov.untrusted import json_or_none, mappings, parse_json, string, string_map, strings
 from srprov.wire import Reply
+from tests.bounded import within
 
 DEEP = "[" * 5000
 HOSTILE = [DEEP, '{"a":' * 5000, "9" * 5000, "1e999", "NaN", "-Infinity", '{"a": ' + "9" * 5000 + "}", "", "{", "\0"]
@@ -76,9 +76,8 @@ def test_text_that_is_too_long_is_refused_unread() -> None:
 @pytest.mark.parametrize("piece", ['"\\', '"', "[", '\\"', '["', "\\", '"\\"', "]["])
 def test_no_text_takes_long(piece: str) -> None:
     source = "[" * 61 + piece * (1_000_000 // len(piece))
-    began = time.process_time()
-    json_or_none(source)
-    assert time.process_time() - began < 4
+    with within(4):
+        json_or_none(source)
 
 
 def test_a_number_that_is_too_large_is_named() -> None:

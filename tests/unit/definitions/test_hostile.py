@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from srprov.data import schema
 from srprov.definitions import check_files, load_inventory
 from srprov.errors import DefinitionError
 from srprov.yamldoc import loader
+from tests.bounded import within
 from tests.conftest import examples
 from tests.unit.definitions.examples import BASE, CDF, EDF, INVENTORY, write_full
 
@@ -129,10 +129,8 @@ def test_any_inventory(tmp_path: Path, value: dict[str, object], host: object, v
     ids=["lists", "maps", "dashes", "aliases", "deep aliases", "many keys", "question marks"],
 )
 def test_limits_hold_before_memory_or_stack_run_out(text: str) -> None:
-    begin = time.process_time()
-    with pytest.raises(DefinitionError):
+    with within(10), pytest.raises(DefinitionError):
         loader.parse(text, "x")
-    assert time.process_time() - begin < 10
 
 
 def test_a_file_that_is_too_large_is_refused(tmp_path: Path) -> None:
@@ -144,6 +142,5 @@ def test_a_file_that_is_too_large_is_refused(tmp_path: Path) -> None:
 def test_many_robots_load_quickly(tmp_path: Path) -> None:
     hosts = "".join(f"    robot{i}: {{srprov_slots: 2, ansible_host: 10.0.0.1}}\n" for i in range(1000))
     (tmp_path / "i.yml").write_text(f"robots:\n  vars: {{ansible_user: x}}\n  hosts:\n{hosts}")
-    begin = time.process_time()
-    assert len(load_inventory([tmp_path / "i.yml"]).hosts) == 1000
-    assert time.process_time() - begin < 5
+    with within(5):
+        assert len(load_inventory([tmp_path / "i.yml"]).hosts) == 1000

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Collection
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import pytest
 from srprov.definitions.model import Host, Inventory
 from srprov.definitions.patterns import select
 from srprov.errors import UsageError
+from tests.bounded import within
 
 NAMES = ["arm1", "robot01", "robot02", "robot03", "robot10", "spare"]
 LAB = Inventory(
@@ -151,9 +151,7 @@ def test_a_regular_expression_in_a_list_takes_little_time(tmp_path: Path) -> Non
     name = "a" * 28
     file = tmp_path / "robots.txt"
     file.write_text("~(a+)+b\n")
-    before = time.process_time()
-    with pytest.raises(UsageError, match="matches no host"):
+    with within(2), pytest.raises(UsageError, match="matches no host"):
         select(Inventory(hosts={name: Host(name=name, address="10.0.0.1")}, groups={}), f"@{file}")
-    assert time.process_time() - before < 2
     file.write_text("~robot0[12]\n")
     assert select(LAB, f"@{file}") == ("robot01", "robot02")

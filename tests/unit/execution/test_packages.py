@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -16,6 +15,7 @@ from srprov.execution.packages import NoListing, packages_in, parsed, remove_lef
 from srprov.modules.container import ContainerModule
 from srprov.modules.container_commands import NOT_OF_COMPOSE
 from srprov.wire import EngineCall, Reply
+from tests.bounded import within
 
 SAID = [
     "apt ii  curl 7.88.1-10+deb12u12",
@@ -123,9 +123,8 @@ def test_an_image_that_never_stops_to_talk_is_not_listened_to() -> None:
             number += 1
             yield f"apt ii  package-{number} 1"
 
-    began = time.process_time()
-    assert 1000 < len(parsed(endless())["apt"]) <= 50_000
-    assert time.process_time() - began < 4
+    with within(4):
+        assert 1000 < len(parsed(endless())["apt"]) <= 50_000
 
     def wide() -> Iterator[str]:
         while True:

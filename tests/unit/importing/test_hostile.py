@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import pytest
 
 from srprov.importing.normal import Normal, Refused
 from srprov.importing.read import normalise
+from tests.bounded import within
 
 SECONDS = 2.0
 SERVICE = "services: {a: {image: x}}\n"
@@ -19,9 +19,8 @@ SERVICE = "services: {a: {image: x}}\n"
 @pytest.fixture(autouse=True)
 def soon() -> Iterator[None]:
     """Hold each test to two seconds of the processor; what waits for ever ends by the test's own time limit."""
-    begun = time.process_time()
-    yield
-    assert time.process_time() - begun < SECONDS
+    with within(SECONDS):
+        yield
 
 
 def read(folder: Path, text: str, **more: str) -> Normal:
