@@ -78,7 +78,7 @@ def test_processors_and_memory(facts: HostFacts) -> None:
     memory, swap = psutil.virtual_memory(), psutil.swap_memory()
     assert facts.cpus == psutil.cpu_count()
     assert facts.memory_total == memory.total
-    assert facts.memory_available == pytest.approx(memory.available, rel=0.1)
+    assert facts.memory_available == pytest.approx(memory.available, rel=0.2)
     assert facts.swap_total == swap.total
     assert facts.load1 == pytest.approx(psutil.getloadavg()[0], abs=2.0)
 
