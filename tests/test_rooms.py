@@ -60,6 +60,7 @@ ROOMS: Mapping[str, Room] = {
     "owner": room(),
     "pace": room(),
     "image_reference": room(),
+    "published": room(),
     "git_address": room(),
     # Runs git on the controller: what it fetches are files of strangers.
     "git": room("believed git_address private regular_file definitions.program"),
@@ -68,7 +69,7 @@ ROOMS: Mapping[str, Room] = {
     "yamldoc": room("codes errors regular_file", "yaml"),
     "definitions": room(
         "believed codes errors names private regular_file untrusted secret data owner whose image_reference git_address"
-        " linear_regex secret_files"
+        " linear_regex secret_files published"
         " yamldoc",
         "jsonschema jinja2",
     ),
@@ -85,7 +86,7 @@ ROOMS: Mapping[str, Room] = {
     "network": room("codes errors names untrusted definitions.model facts.model"),
     "probing": room("errors names untrusted wire network"),
     # Robots that were set up by hand, as an experiment: questions and parsers, no robot and no file.
-    "snapshot": room("git_address image_reference names redaction untrusted wire yamldoc.writer"),
+    "snapshot": room("git_address image_reference names published redaction untrusted wire yamldoc.writer"),
     "images": room(
         "codes errors plain_tar wire image_reference definitions.containermodel definitions.dockerfile"
         " definitions.model",
@@ -95,8 +96,8 @@ ROOMS: Mapping[str, Room] = {
         "believed codes errors private untrusted resource data definitions modules yamldoc", "jinja2 yaml"
     ),
     "modules": room(
-        "errors hashing names plain_tar wire untrusted robot_answers resource secret image_reference definitions.model"
-        " definitions.containermodel definitions.secretmodel"
+        "errors hashing names plain_tar published wire untrusted robot_answers resource secret image_reference"
+        " definitions.model definitions.containermodel definitions.secretmodel"
     ),
     "planning": room(
         "codes errors hashing names untrusted resource wire secret image_reference modules facts.model"
@@ -128,7 +129,7 @@ ROOMS: Mapping[str, Room] = {
     # Files of other tools -> experiments: reads what strangers wrote, and reaches no robot.
     "importing": room("codes errors private regular_file untrusted image_reference linear_regex yamldoc definitions"),
     # A Compose project in its normal form -> the folder of an experiment.
-    "conversion": room("believed codes errors names private regular_file yamldoc definitions importing"),
+    "conversion": room("believed codes errors names private published regular_file yamldoc definitions importing"),
     # Compose files of an experiment: as values, but for the one file that writes them into a folder.
     "exporting": room("believed codes errors plain_tar definitions facts.model images network yamldoc"),
     # Images as files of strangers: nothing is opened, nothing of them is run.

@@ -14,6 +14,7 @@ from srprov.conversion.names_used import on_overlay
 from srprov.conversion.project import Project
 from srprov.definitions.containermodel import of_links
 from srprov.importing.position import Path
+from srprov.published import ALIKE, may_be_published_at
 
 _CONDITIONS = {
     "service_started": "started",
@@ -78,11 +79,18 @@ def ports(given: _Given, project: Project, at: Path) -> dict[str, Any]:
             project.notes.adapted(path, f"the robot's port {target}; Compose would take any that is free")
         elif "-" in written:
             project.notes.adapted((*path, "published"), f"the first of {written}")
-        port = (str(one.get("host_ip") or ""), int(written.partition("-")[0] or target), target, protocol)
+        address = str(one.get("host_ip") or "")
+        if on_overlay(given) and not may_be_published_at(address):
+            if (plain := ALIKE.get(address)) is None:
+                project.notes.refused((*path, "host_ip"), f"{address[:60]} is no address of IPv4: leave it out")
+                continue
+            project.notes.adapted((*path, "host_ip"), f"{plain or 'all addresses'}: nothing is published at IPv6 alone")
+            address = plain
+        port = (address, int(written.partition("-")[0] or target), target, protocol)
         if on_overlay(given) and of_links(port):
             project.notes.refused(path, f"overlays have UDP port {port[1]}: publish another one")
             continue
-        found.append(port)
+        found += [port] * (port not in found)
     if not found:
         return {}
     if not on_overlay(given):

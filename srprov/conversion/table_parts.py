@@ -62,7 +62,12 @@ NETWORK: tuple[Row, ...] = (
     ),
     exact(f"{_P}.target", "`ports`"),
     exact(f"{_P}.published", "`ports`", (Kept.ADAPTED, "left out: the same number; a choice: its first")),
-    exact(f"{_P}.host_ip", "`ports`"),
+    exact(
+        f"{_P}.host_ip",
+        "`ports`",
+        (Kept.ADAPTED, "`::1` is `127.0.0.1`, and `::` all addresses: nothing is published at IPv6 alone"),
+        (Kept.REFUSED, "other addresses of IPv6"),
+    ),
     exact(f"{_P}.protocol", "`ports`", (Kept.REFUSED, "other than tcp and udp")),
     dropped(f"{_P}.mode", "a robot publishes its own containers' ports", (Kept.EXACT, "")),
     dropped(f"{_P}.name", "it is a word for people"),

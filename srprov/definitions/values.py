@@ -12,6 +12,7 @@ from typing import TypeVar
 from srprov.codes import Code
 from srprov.definitions import commandline, words
 from srprov.definitions.containermodel import LINK_PORTS, VXLAN_PORT, Port, of_links
+from srprov.published import may_be_published_at
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
@@ -136,6 +137,8 @@ def ports(spec: str) -> tuple[Port, ...]:
         given = ipaddress.ip_address(address)
         # one address has one spelling, so that equal ones are seen to be
         address = str(getattr(given, "ipv4_mapped", None) or given)
+    if not may_be_published_at(address):
+        raise ValueError(f"'{spec}' is published at an address of IPv6, and at none of IPv4, where others may have it")
     kind = match["kind"] or "tcp"
     found = tuple((address, out, into, kind) for out, into in zip(published, inside, strict=True))
     if any(map(of_links, found)):

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 from srprov.definitions.containermodel import Runtime, of_links
 from srprov.names import label_fault
+from srprov.published import may_be_published_at
 
 HOST = r"[A-Za-z0-9]([A-Za-z0-9._-]{0,61}[A-Za-z0-9])?"
 """A name in a hosts file."""
@@ -67,7 +68,9 @@ def broken(run: Runtime) -> Iterator[str]:
     for path, inside, rights in run.devices:
         if not (path.startswith("/") and inside.startswith("/") and re.fullmatch(r"[rwm]{1,3}", rights)):
             yield f"devices: {path[:60]!r} cannot be"
-    for _, published, into, protocol in run.ports:
+    for address, published, into, protocol in run.ports:
+        if not may_be_published_at(address):
+            yield f"ports: {published} cannot be published at {address[:60]!r}"
         if published not in _PORTS or into not in _PORTS or protocol not in _PROTOCOLS:
             yield f"ports: {published}:{into}/{protocol[:20]} cannot be"
         elif of_links(("", published, into, protocol)):

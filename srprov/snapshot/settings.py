@@ -12,6 +12,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from srprov.published import ALIKE, may_be_published_at
 from srprov.snapshot.notes import Notes
 from srprov.untrusted import integer, mapping, mappings, string, string_map, strings, text
 
@@ -62,7 +63,7 @@ def host_fields(host: Mapping[str, Any], runtime: str, subject: str, notes: Note
     if (name := string(host.get("Runtime"))) not in ("", runtime):
         found["runtime"] = name
     found |= _namespaces(host, subject, notes) | _limits(host, subject, notes) | _devices(host, subject, notes)
-    found |= _restart(host, subject, notes) | _logging(host) | _ports(host)
+    found |= _restart(host, subject, notes) | _logging(host) | _ports(host, subject, notes)
     for key in sorted(map(str, host))[:200]:
         if key not in _KNOWN and not _nothing(host[key]) and host[key] not in _DEFAULTS.get(key, ()):
             notes.lost(subject, f"{key} is set ({text(str(host[key]), length=80)}): an EDF has no such field")
@@ -156,15 +157,22 @@ def _logging(host: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _ports(host: Mapping[str, Any]) -> dict[str, Any]:
+def _ports(host: Mapping[str, Any], subject: str, notes: Notes) -> dict[str, Any]:
     found = []
     for inside, bindings in sorted(mapping(host.get("PortBindings")).items())[:MOST_ENTRIES]:
         for one in mappings(bindings, most=8):
             address, published = string(one.get("HostIp")), string(one.get("HostPort"))
-            shown = f"[{address}]" if ":" in address else address
+            if not may_be_published_at(address):
+                plain = ALIKE.get(address)
+                if plain is None:
+                    notes.lost(subject, f"port {published} is published at {address}: an EDF does at IPv4, or at all")
+                    continue
+                if plain:  # an engine lists `::` beside 0.0.0.0 itself
+                    notes.adapted(subject, f"port {published} is published at {plain}, no longer at {address}")
+                address = plain
             port, _, protocol = str(inside).partition("/")
             bare = f"{published or port}:{port}" + (f"/{protocol}" if protocol not in ("", "tcp") else "")
-            found.append(f"{shown}:{bare}" if address not in ("", "0.0.0.0", "::") else bare)  # noqa: S104 - compared
+            found.append(f"{address}:{bare}" if address not in ("", "0.0.0.0") else bare)  # noqa: S104 - compared
     return {"ports": list(dict.fromkeys(found))} if found else {}
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.lab.conftest import Lab, busybox, edf, part_of_lab
+from tests.lab.conftest import Done, Lab, busybox, edf, part_of_lab
 
 pytestmark = pytest.mark.lab
 
@@ -108,3 +108,26 @@ def test_what_an_engine_sends_logs_to_is_told_lines_by_root_and_the_plan_says_so
         lab.srprov("destroy", str(path), "-i", inventory, "--yes")
         lab.shell("robot1", "sh", "-c", "kill $(cat /root/console); rm -f /root/told /root/console")
     assert (done.code, told) == (0, "0\n"), done
+
+
+LISTEN = "import socket, sys; socket.create_server((sys.argv[1], 5000))"
+"""What a registry does that is the robot's own."""
+
+
+def test_a_published_port_takes_no_place_beside_a_program_of_the_robot(lab: Lab, tmp_path: Path) -> None:
+    """At `::1` a container answered for the registry at 127.0.0.1 of whoever asked `localhost`, and no plan knew."""
+    path, inventory = tmp_path / "experiment.edf", part_of_lab(lab, ["robot1"], tmp_path / "lab.yml")
+
+    def apply(port: str) -> Done:
+        path.write_text(edf("paths", {"a": busybox(robot="robot1", ports=[port])}))
+        return lab.srprov("apply", str(path), "-i", inventory, "--yes", "--settle", "0")
+
+    for port in ("[::1]:5000:80", "[::]:5000:80"):
+        refused = apply(port)
+        assert (refused.code, "an address of IPv6, and at none of IPv4" in refused.err) == (5, True), refused
+    for port, address in (("5000:80", "127.0.0.1"), ("5000:80", "0.0.0.0"), ("127.0.0.1:5000:80", "127.0.0.1")):
+        done = apply(port)
+        assert done.code == 0, done
+        later = lab.shell("robot1", "python3", "-c", LISTEN, address, check=False)
+        assert (later.code, "Address already in use" in later.err) == (1, True), (port, address, later)
+    assert lab.srprov("destroy", str(path), "-i", inventory, "--yes").code == 0

@@ -85,15 +85,23 @@ SET: list[tuple[dict[str, Any], dict[str, Any]]] = [
         {
             "PortBindings": {
                 "80/tcp": [{"HostIp": "", "HostPort": "8080"}],
-                "53/udp": [{"HostIp": "::1", "HostPort": "53"}],
+                "53/udp": [{"HostIp": "127.0.0.1", "HostPort": "53"}, {"HostIp": "::", "HostPort": "54"}],
             }
         },
-        {"ports": ["[::1]:53:53/udp", "8080:80"]},
+        {"ports": ["127.0.0.1:53:53/udp", "54:53/udp", "8080:80"]},
     ),
     ({"Tmpfs": {"/run": "size=1m"}}, {"tmpfs": ["/run:size=1m"]}),
     ({"Ulimits": [{"Name": "nofile", "Soft": 1, "Hard": 2}]}, {"ulimits": {"nofile": {"soft": 1, "hard": 2}}}),
     ({"ExtraHosts": ["a:10.0.0.1"], "GroupAdd": ["video"]}, {"extra_hosts": ["a:10.0.0.1"], "group_add": ["video"]}),
 ]
+
+
+def test_a_port_at_ipv6_alone_is_told_as_no_edf_publishes_one() -> None:
+    ends = [{"HostIp": "::1", "HostPort": "53"}, {"HostIp": "2001:db8::5", "HostPort": "54"}]
+    service, notes = taken(host={"PortBindings": {"53/tcp": ends}})
+    assert service.fields["ports"] == ["127.0.0.1:53:53"]
+    assert [note.partition(":")[0] for note in notes] == ["adapted", "lost"], notes
+    assert "no longer at ::1" in notes[0] and "2001:db8::5" in notes[1]
 
 
 @pytest.mark.parametrize(("host", "fields"), SET)

@@ -1,0 +1,19 @@
+"""At which of a robot's addresses a port is published. Pure.
+
+Of a number that is published at IPv6 alone another program has the same at IPv4, then or later: the kernel keeps the
+two apart. A registry, or an engine, often listens at 127.0.0.1, and who asks `localhost` is answered at `::1` first: by
+a container, which the robot takes for itself. Of an address of IPv4, and of all, a number is one program's alone.
+"""
+
+from __future__ import annotations
+
+import re
+
+_IPV4 = re.compile(r"[0-9]{1,3}(\.[0-9]{1,3}){3}")
+ALIKE = {"::": "", "::1": "127.0.0.1"}
+"""Address of IPv6 -> what is said in its place, of a container that was made otherwise."""
+
+
+def may_be_published_at(address: str) -> bool:
+    """Return whether it is an address of IPv4, or empty: all of the robot's, those of IPv6 too."""
+    return not address or _IPV4.fullmatch(address) is not None
