@@ -14,11 +14,13 @@ from pathlib import Path
 import msgspec
 
 from srprov.codes import Code
+from srprov.controller import built_here
 from srprov.controller import fleet as fleets
 from srprov.controller.fleet import Fleet
 from srprov.controller.trial_images import Ran
 from srprov.definitions.model import Host, Inventory
 from srprov.errors import TransportError, UsageError
+from srprov.hashing import sha256_of
 from srprov.layers import Image, read_config
 from srprov.session import Session
 from srprov.transport.blobs import Blob, Blobs
@@ -77,9 +79,17 @@ class Engines:
             names: As the experiment names it.
 
         Raises:
-            UsageError: No engine has it, or gives it.
+            UsageError: No engine has it, or gives it; or srprov built another one under its name.
             OSError: There is no room for it here.
         """
+        found = self._read(image, words, first, say, names)
+        # what is no configuration goes into no bundle
+        if about := read_config(f"sha256:{sha256_of(found.config)}", _json(found.config)):
+            built_here.check(names, image, about, self._ran.counting(names), self._sources.blobs)
+        return found
+
+    def _read(self, image: str, words: str, first: Sequence[str], say: Say, names: Collection[str]) -> Read:
+        """Read it from who had it, whatever it is."""
         had = self._ran.robots(image, names)
         if not had:
             hint = "bundle it on the machine that ran it, from the folder that it ran in; or --with-images none"
@@ -112,7 +122,7 @@ class Engines:
         if not blobs.givers.gave(image, robot) or (config := blobs.get(image)) is None:
             return None
         content = b"".join(config.content())
-        found = read_config(image, json_or_none(content.decode("utf-8", "replace")))
+        found = read_config(image, _json(content))
         wanted = [*dict.fromkeys(found.diff_ids)] if found else []
         if not wanted or not all(blobs.givers.gave(one, robot) for one in wanted):
             return None
@@ -141,3 +151,7 @@ class Engines:
                 for number, one in enumerate(wanted, start=1)
             ]
         return Read(config=b"".join(config.content()), documents=tuple(documents), layers=tuple(layers))
+
+
+def _json(config: bytes) -> object:
+    return json_or_none(config.decode("utf-8", "replace"))

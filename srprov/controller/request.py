@@ -12,7 +12,9 @@ if TYPE_CHECKING:
     from srprov.definitions.labpolicy import LabPolicy
     from srprov.definitions.playbookmodel import Playbook
 
-BUNDLED = "srprov/bundled:"
+BUILT = "srprov/"
+"""How the names of images begin that srprov built, or took from a bundle."""
+BUNDLED = f"{BUILT}bundled:"
 """How images from bundles are named on robots; the digits of their configurations' digests follow."""
 SEARCH_LIMIT_S = 30.0
 """How long a search for the best placement may take before the best one found is used."""

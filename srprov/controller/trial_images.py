@@ -16,8 +16,10 @@ from pathlib import Path
 import msgspec
 
 from srprov import private, regular_file
+from srprov.controller.built_here import counting
 from srprov.controller.trial_plan import TrialPlan
 from srprov.controller.trial_sameness import Sameness, containers_of
+from srprov.definitions.model import Inventory
 from srprov.modules.container_params import ContainerParams
 from srprov.record.memory import note_ran, who_ran
 from srprov.session import Session
@@ -38,6 +40,15 @@ class Ran(msgspec.Struct, frozen=True):
         known = who_ran() if self.token else {}
         return frozenset(robot for name in names for robot in known.get(_key(self.token, name, image), ()))
 
+    def counting(self, tags: Collection[str]) -> dict[str, dict[str, frozenset[str]]]:
+        """Return content tag -> architecture of who built it -> ids of the images that counted; see `built_here`."""
+        known, found = who_ran() if self.token else {}, dict[str, dict[str, frozenset[str]]]()
+        for tag in tags:
+            begin = _key(self.token, tag, "")
+            of = {key.removeprefix(begin): some for key, some in known.items() if key.startswith(begin)}
+            found[tag] = {arch: ids for arch, ids in of.items() if ":" not in arch}  # with it, it is an image's id
+        return found
+
 
 def ran(folder: Path) -> Ran:
     """Return what is remembered of the run in a folder."""
@@ -48,8 +59,10 @@ def ran(folder: Path) -> Ran:
     return Ran(text.strip() if _TOKEN.fullmatch(text.strip()) else "")
 
 
-def remember(folder: Path, plan: TrialPlan, same: Sameness, sessions: Mapping[str, Session]) -> str:
-    """Keep which images a run has now; return why that is not possible, or nothing.
+def remember(
+    folder: Path, plan: TrialPlan, same: Sameness, sessions: Mapping[str, Session], inventory: Inventory
+) -> str:
+    """Keep which images a run has now, and which count as built; return why that is not possible, or nothing.
 
     Raises:
         OSError: The folder cannot be written.
@@ -57,7 +70,7 @@ def remember(folder: Path, plan: TrialPlan, same: Sameness, sessions: Mapping[st
     if not (token := ran(folder).token):
         token = secrets.token_hex(16)
         private.replace_file(folder / _FILE, f"{token}\n")
-    had: dict[str, set[str]] = {}
+    had = {f"{token} {key}": ids for key, ids in counting(plan.base, inventory, sessions).items()}
     for one in containers_of(plan):
         assert isinstance(one.params, ContainerParams)
         if (image := same.get(f"{one.service}: image id")) and one.host in sessions:

@@ -121,7 +121,7 @@ def run_trials(
         if not earlier.events:
             make_folder(folder)
         with LockedRobots(fleet, sessions, mine, waiting) as connections, opened(folder) as place:
-            forgetful = remember(place, plan, same, sessions)
+            forgetful = remember(place, plan, same, sessions, fleet.inventory)
             trials = _all(
                 plan, fleet.inventory, made, same, place, earlier, request, connections, options, say, stop, pause,
             )  # fmt: skip

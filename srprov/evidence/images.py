@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-from srprov.controller.request import BUNDLED
+from srprov.controller.request import BUILT, BUNDLED
 from srprov.evidence.files import Files, NotThere, below, content, json_of
 from srprov.evidence.story import Story, attempt_folder
 from srprov.oci.layout import LONGEST, Stored
@@ -22,8 +22,6 @@ from srprov.untrusted import mapping, string, string_map
 
 LAYOUT, SBOMS = "images/", "sbom/"
 WAYS = ("none", "ours", "all")
-BUILT = "srprov/"
-"""How the names of images begin that srprov built."""
 _ID = re.compile("sha256:[0-9a-f]{64}")
 _NAME = re.compile("[A-Za-z0-9][A-Za-z0-9@:/._-]{0,400}")
 _IMAGE, _IMAGE_ID, _ROBOT = ": image", ": image id", ": robot"

@@ -11,7 +11,7 @@ import msgspec
 
 from srprov.codes import Code
 from srprov.controller.kept_images import Content, keep
-from srprov.controller.request import BundledImage
+from srprov.controller.request import BUILT, BundledImage
 from srprov.errors import UsageError
 from srprov.evidence import story
 from srprov.evidence.files import Files
@@ -26,7 +26,7 @@ class Kept(msgspec.Struct, frozen=True, kw_only=True):
     """What a replay has of a bundle's images."""
 
     images: Mapping[str, tuple[BundledImage, ...]]
-    """Service -> its own image, and those of the same name for other architectures."""
+    """Service -> its own image; of what srprov built, also those of the same name for other architectures."""
     names: Mapping[str, str]
     """Service -> its image as the bundle's run named it, of all services."""
 
@@ -68,7 +68,9 @@ def _contents(files: Files, every: tuple[Stored, ...]) -> Iterator[Content]:
 def _of_services(told: Story, every: tuple[Stored, ...]) -> Iterator[tuple[str, tuple[BundledImage, ...]]]:
     by_id = {id_: one for one in every for id_ in one.engine_ids}
     for service, (name, id_) in told.images.items():
-        alike = [one for one in every if name in one.names and by_id.get(id_) is not one]
+        # what srprov did not build, a robot had; it says what its own services had, and no others
+        built = name.startswith(BUILT)
+        alike = [one for one in every if built and name in one.names and by_id.get(id_) is not one]
         own = [by_id[id_]] if id_ in by_id else []
         if found := tuple(BundledImage(one.id, one.architecture) for one in (*own, *alike)):
             yield service, found
@@ -87,13 +89,15 @@ def in_words(kept: Kept, snapshot: Snapshot, placed: Mapping[str, str]) -> Itera
         some = kept.images.get(service, ())
         fits = [one for one in some if not facts or not one.architecture or one.architecture in facts.runs]
         if fits:
-            yield f"{service}: the bundle's {name}, {fits[0].id[7:19]}"
+            # which image a registry, or somebody, gave under a name is the word of the robot that had it
+            whose = "" if name.startswith(BUILT) else f", as its {placed.get(service, 'robot')} had it"
+            yield f"{service}: the bundle's {name}, {fits[0].id[7:19]}{whose}"
         else:
             yield f"{service}: {_elsewhere(name)}" + (", as the bundle's is for another architecture" if some else "")
 
 
 def _elsewhere(name: str) -> str:
-    if name.startswith("srprov/"):
+    if name.startswith(BUILT):
         return f"{name}, built again where no robot has it: packages may be others by now"
     if "@sha256:" in name:
         return f"{name}, by its digest"

@@ -37,6 +37,11 @@ _SMALLER = {"amd64": ("386",), "arm64": ("arm",)}
 """What a 64-bit system also runs."""
 
 
+def native(arch: str) -> tuple[str, ...]:
+    """Return the architectures that a processor of one runs, its own first; none where that is not known."""
+    return (arch, *_SMALLER.get(arch, ())) if arch else ()
+
+
 class Docker(msgspec.Struct, frozen=True, kw_only=True):
     """The robot's engine."""
 
@@ -133,7 +138,7 @@ class HostFacts(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def native(self) -> tuple[str, ...]:
         """Architectures that its processor runs, its own first; empty where that is not known."""
-        return (self.arch, *_SMALLER.get(self.arch, ())) if self.arch else ()
+        return native(self.arch)
 
 
 class TakenPort(msgspec.Struct, frozen=True, kw_only=True):

@@ -15,7 +15,7 @@ import pytest
 import yaml
 
 from srprov.lab.places import REGISTRY_PORT
-from tests.lab.conftest import Lab
+from tests.lab.conftest import Lab, edf
 from tests.lab.test_image_copies import root
 from tests.lab.test_replay import other_inventory, trials
 from tests.lab.test_trials import Race, race
@@ -129,6 +129,32 @@ def check_docker_load(lab: Lab, bundle: Path, folder: Path, wanted: dict[str, st
     loaded = images(lab, READER)
     assert set(loaded.values()) == set(wanted.values()) and loaded["judge:1"] == wanted["referee"]
     assert lab.shell(READER, "docker", "run", "--rm", "--network=none", "judge:1", "cat", "/law").out == "law\n"
+
+
+def test_a_robot_that_makes_another_image_under_our_tag_brings_it_to_no_other(lab: Lab, tmp_path: Path) -> None:
+    """It got a copy of what the builder built. What it has there runs on it, and in nobody's replay."""
+    cdf = {"cdf": 1, "name": "talk", "base": "busybox", "run": ["echo law > /law"], "command": ["cat", "/law"]}
+    (tmp_path / "talk.cdf").write_text(json.dumps(cdf))
+    services = {robot: {"cdf": "talk.cdf", "robot": robot} for robot in RAN}
+    one = Race(lab, tmp_path, edf("talk", services, trials={"timeout": "60s"}))
+    inventory = yaml.safe_load(Path(one.inventory).read_text())
+    inventory["all"]["children"] = {"builders": {"hosts": {"robot2": {}}}}
+    Path(one.inventory).write_text(yaml.safe_dump(inventory))
+    assert one.run().code == 0
+    (tag,) = (name for name in images(lab, "robot1") if name.startswith("srprov/talk:"))
+    evil = f"printf 'FROM {tag}\\nRUN echo evil > /law\\n' | docker build -q -t {tag} -"
+    lab.shell("robot1", "sh", "-c", evil)
+    one.home = tmp_path / "second"
+    assert one.run().code == 0
+    logs = {path.name.partition(".")[0]: path.read_text() for path in one.home.glob("trials/*/logs/*")}
+    assert [logs[robot].endswith(word) for robot, word in zip(RAN, (" evil\n", " law\n"), strict=True)] == [True] * 2
+    words = ("-o", str(tmp_path / "b.zip"), "-i", one.inventory)
+    for way in ("ours", "all"):
+        made = lab.srprov("bundle", str(one.home), *words, "--with-images", way)
+        assert made.code == 5 and f"{tag}: the run had " in made.err and "image that was built" in made.err, made
+    assert lab.srprov("bundle", str(tmp_path / "run"), *words, "--with-images", "ours").code == 0
+    assert lab.srprov("destroy", str(one.file), "-i", one.inventory, "--yes").code == 0
+    lab.shell("robot1", "docker", "rmi", "-f", tag)
 
 
 @pytest.mark.soak

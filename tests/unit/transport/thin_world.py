@@ -58,8 +58,8 @@ class Made:
 class InContainerd(Made):
     """An image as a containerd store has it: known by a manifest, or by an index, with compressed layers."""
 
-    def __init__(self, *layers: bytes, index: bool = False) -> None:
-        super().__init__(*layers)
+    def __init__(self, *layers: bytes, index: bool = False, architecture: str = "") -> None:
+        super().__init__(*layers, architecture=architecture)
         self.packed = [gzip.compress(one, 6) for one in layers]
         layers_of = [{"digest": sha(one)} for one in self.packed]
         self.manifest = json.dumps({"config": {"digest": self.id}, "layers": layers_of})
