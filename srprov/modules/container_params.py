@@ -12,6 +12,9 @@ from srprov.definitions.containermodel import Runtime
 from srprov.modules import run_limits
 from srprov.modules.params import ParameterError
 
+_MOST_PORTS = 4
+"""So many are named in a line of a plan."""
+
 
 class NetworkPlace(msgspec.Struct, frozen=True, kw_only=True):
     """Where the container is in the network; all but the mode are for `overlay` only, and for `both` its address."""
@@ -67,3 +70,11 @@ class ContainerParams(msgspec.Struct, frozen=True, kw_only=True):
                 raise ParameterError("mounts", "mounts: each needs 'Type' and 'Target'")
             if "\0" in str(mount.get("Source")):  # where it leads is asked by a shell
                 raise ParameterError("mounts", "mounts: no path holds a NUL")
+
+    def publishes(self) -> str:
+        """Return which ports of the robot it takes, such as `; publishes 8080:80/tcp`, or nothing."""
+        if self.network.mode != "overlay" or not self.run.ports:
+            return ""
+        shown = [f"{at and at + ':'}{port}:{inside}/{kind}" for at, port, inside, kind in self.run.ports]
+        more = f" and {len(shown) - _MOST_PORTS} more" if len(shown) > _MOST_PORTS else ""
+        return f"; publishes {', '.join(shown[:_MOST_PORTS])}{more}"

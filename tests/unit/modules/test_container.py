@@ -170,3 +170,24 @@ def test_limits_that_somebody_changed_are_named(found: dict[str, str], changed: 
         mem_limit=64 << 20, mem_reservation=1024, cpus=0.5, cpuset="0-1", pids_limit=64, restart="on-failure:3"
     )
     assert changed_limits(replace(WANT.params, run=run), found) == changed
+
+
+@pytest.mark.parametrize(
+    ("mode", "count", "said"),
+    [
+        ("overlay", 2, "not there; publishes 8000:80/tcp, 127.0.0.1:8001:80/tcp"),
+        (
+            "overlay",
+            6,
+            "not there; publishes 8000:80/tcp, 127.0.0.1:8001:80/tcp, 8002:80/tcp, 127.0.0.1:8003:80/tcp and 2 more",
+        ),
+        ("overlay", 0, "not there"),
+        ("host", 2, "not there"),
+    ],
+)
+def test_the_plan_says_which_ports_of_the_robot_a_new_container_takes(mode: Any, count: int, said: str) -> None:
+    """In the host's network a port is only declared."""
+    ports = tuple(("127.0.0.1" if number % 2 else "", 8000 + number, 80, "tcp") for number in range(count))
+    want = replace(WANT.params, run=Runtime(ports=ports), network=replace(WANT.params.network, mode=mode))
+    change = MODULES["container"].check(WANT.name, want, None)
+    assert change is not None and change.cause == said
