@@ -195,12 +195,12 @@ def _check_owner(path: Path, about: os.stat_result) -> None:
     if about.st_uid not in (0, os.geteuid()):
         raise UsageError(
             f"{path} belongs to another user, who could change what srprov does",
-            hint=f"look at it, then make it yours: chown {os.geteuid()} {path}",
+            hint=f"look at it, then make it yours: chown {os.geteuid()} FILE",
             code=Code.STRANGE_FILE,
         )
     if others_may_write(path, about):
         raise UsageError(
-            f"{path} can be written by other users", hint=f"look at it, then: chmod go-w {path}", code=Code.STRANGE_FILE
+            f"{path} can be written by other users", hint="look at it, then: chmod go-w FILE", code=Code.STRANGE_FILE
         )
 
 

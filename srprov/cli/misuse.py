@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 from collections.abc import Iterator, Sequence
 
 import click
@@ -106,7 +107,7 @@ def _no_verb(word: str, name: str, context: click.Context) -> SrprovError:
     if name == "srprov" and word in _ELSEWHERE:
         hint = f"`srprov {_ELSEWHERE[word]}` does that"
     if name == "srprov" and (os.path.isfile(word) or word.endswith(_READ)):
-        hint = f"name a verb before the file: srprov validate {_short(word)}"
+        hint = f"name a verb before the file: srprov validate {shlex.quote(_short(word))}"
     return UsageError(f"{name} has no verb '{_short(word)}'", hint=hint, code=Code.UNKNOWN_VERB)
 
 

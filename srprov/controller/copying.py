@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import posixpath
+import shlex
 from collections.abc import Collection, Iterator
 
 import msgspec
@@ -203,7 +204,7 @@ def _target(source: InService, found: InContainer, target: str) -> Target:
         raise UsageError(f"{target}: there is no such folder", code=Code.NO_FILE)
     above, name = os.path.split(target.rstrip("/"))
     if not os.path.isdir(above or "."):
-        raise UsageError(f"{above}: there is no such folder", hint=f"mkdir -p {above}", code=Code.NO_FILE)
+        raise UsageError(f"{above}: there is no such folder", hint=f"mkdir -p {shlex.quote(above)}", code=Code.NO_FILE)
     return Target(folder=above or ".", name=name)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import shlex
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -83,7 +84,9 @@ def _with_lock(file: str, allowed: Collection[str], environ: Mapping[str, str] |
     from srprov.controller.pins import differences, pinned
 
     if lock is None:
-        raise UsageError(f"there is no lock {path}", hint=f"srprov lock {file} -i INVENTORY", code=Code.LOCK_FILE)
+        raise UsageError(
+            f"there is no lock {path}", hint=f"srprov lock {shlex.quote(str(file))} -i INVENTORY", code=Code.LOCK_FILE
+        )
     try:
         told = differences(found, lock)
     except (OSError, ValueError) as error:
@@ -91,7 +94,9 @@ def _with_lock(file: str, allowed: Collection[str], environ: Mapping[str, str] |
     if told and locked:
         lines = "\n".join(f"  {one}" for one in told)
         raise UsageError(
-            f"{path} is out of date:\n{lines}", hint=f"srprov lock {file} -i INVENTORY", code=Code.LOCK_FILE
+            f"{path} is out of date:\n{lines}",
+            hint=f"srprov lock {shlex.quote(str(file))} -i INVENTORY",
+            code=Code.LOCK_FILE,
         )
     more = f", and {len(told) - 1} more" if told[1:] else ""
     notes = [f"{path} is out of date: {one}{more}" for one in told[:1]]

@@ -7,6 +7,7 @@ for reading.
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
@@ -72,7 +73,7 @@ def load(path: str, kinds: Collection[str]) -> LabPolicy | None:
         ) from None
     if others_may_write(path, status) or not is_out_of_reach(path):
         message = "a policy that others can write is none"
-        hint = f"it must be yours or root's: chown, and chmod go-w {path}"
+        hint = f"it must be yours or root's: chown, and chmod go-w {shlex.quote(str(path))}"
         raise DefinitionError([Diagnostic(Location(path), message, hint=hint, code=Code.WRONG_TYPE)])
     root = loader.read(path)
     findings = Findings()

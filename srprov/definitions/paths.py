@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import os
+import shlex
 import stat
 from collections.abc import Callable, Collection, Iterator
 
@@ -114,7 +115,7 @@ def hide_outside(problems: Collection[Diagnostic], *folders: str) -> list[Diagno
             where = f"outside of {_name(folders[0])}"
             where = "that version control keeps" if any(inside(file, one) for one in folders) else where
             message = f"is not valid; what is wrong is not shown of a file {where}"
-            hint = f"see `srprov validate {os.path.realpath(file)}`, or copy it into the folder"
+            hint = f"see `srprov validate {shlex.quote(os.path.realpath(file))}`, or copy it into the folder"
             shown.append(Diagnostic(Location(one.location.file), message, hint=hint, code=Code.OUTSIDE))
     return list(dict.fromkeys(shown))
 

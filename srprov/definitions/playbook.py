@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import glob
 import os
+import shlex
 from collections.abc import Collection, Iterator
 
 from msgspec.structs import replace
@@ -80,7 +81,7 @@ def _check_whose(*paths: str) -> None:
             continue  # who reads it says so
         if theirs:
             message = "others can write it, or a folder above it, and it states anything on robots as root"
-            hint = f"look at it, then make it yours alone: chown, and chmod go-w {path}"
+            hint = f"look at it, then make it yours alone: chown, and chmod go-w {shlex.quote(str(path))}"
             raise DefinitionError([Diagnostic(Location(path), message, hint=hint, code=Code.STRANGE_FILE)])
 
 

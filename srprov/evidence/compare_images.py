@@ -6,6 +6,7 @@ with beyond its base.
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Mapping
 
 import msgspec
@@ -72,7 +73,9 @@ def _images(run: Run) -> dict[str, _Of]:
         return dict(_known(run))
     except NotThere as error:
         raise UsageError(
-            f"{run.name} cannot be compared: {error}", hint=f"srprov verify {run.name}", code=Code.NOT_COMPARABLE
+            f"{run.name} cannot be compared: {error}",
+            hint=f"srprov verify {shlex.quote(run.name)}",
+            code=Code.NOT_COMPARABLE,
         ) from error
 
 

@@ -6,6 +6,7 @@ Reads run folders and bundles; of a bundle every file must have the hash of its 
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -125,6 +126,8 @@ def _checked(path: str, stack: ExitStack) -> Files:
     hashed = Hashed(stack.enter_context(opened(path)))
     if wrong := next(chain(checks_files.hashes(hashed), checks_files.nothing_else(hashed)), ""):
         raise UsageError(
-            f"{path}: {wrong}", hint=f"srprov verify {path} says what else is wrong", code=Code.NOT_COMPARABLE
+            f"{path}: {wrong}",
+            hint=f"srprov verify {shlex.quote(path)} says what else is wrong",
+            code=Code.NOT_COMPARABLE,
         )
     return hashed.bound().files

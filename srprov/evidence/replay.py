@@ -7,6 +7,7 @@ experiment asks for is allowed by who runs it, as that of any other file of a st
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -72,7 +73,9 @@ def check(bundle: str, signers: str = "") -> Bundle:
         failed = [f"  {one.id} {one.what}: {one.details[0]}" for one in report.findings if one.result == "fail"]
         told = "\n".join(failed)
         raise RefusedError(
-            f"{bundle} is not what it says:\n{told}", hint=f"srprov verify {bundle} says more", code=Code.BUNDLE_FALSE
+            f"{bundle} is not what it says:\n{told}",
+            hint=f"srprov verify {shlex.quote(str(bundle))} says more",
+            code=Code.BUNDLE_FALSE,
         )
     return Bundle(bundle, report.hashes, signed=bool(signers))
 
@@ -163,7 +166,7 @@ def _opened(bundle: Bundle) -> Iterator[tuple[Files, Story]]:
         with reopened(bundle) as files, story.read(files) as told:
             yield files, told
     except ValueError as error:
-        hint = f"srprov verify {bundle.path} says more"
+        hint = f"srprov verify {shlex.quote(str(bundle.path))} says more"
         raise UsageError(f"{bundle.path} cannot be run again: {error}", hint=hint, code=Code.REPLAY) from error
 
 

@@ -5,6 +5,7 @@ The bundle was verified before; what is kept is compared once more, each with it
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Iterator, Mapping
 
 import msgspec
@@ -49,7 +50,7 @@ def bring(bundle: Bundle, say: Callable[[str], None], *, wanted: bool = True) ->
             keep(_contents(files, every), say)
             return Kept(images=dict(_of_services(told, every)), names=names)
     except ValueError as error:
-        hint = f"srprov verify {bundle.path} says more"
+        hint = f"srprov verify {shlex.quote(str(bundle.path))} says more"
         raise UsageError(f"the images of {bundle.path} cannot be read: {error}", hint=hint, code=Code.REPLAY) from error
 
 

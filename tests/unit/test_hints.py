@@ -1,0 +1,59 @@
+"""Hints are there to be copied into a shell: what is put into a command there is one word of it, whatever its name."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+SOURCES = sorted((Path(__file__).resolve().parents[2] / "srprov").rglob("*.py"))
+COMMAND = re.compile(r"(^|[`:] ?)(srprov [a-z]+|chmod|chown|mkdir|rm|mv|cp|git|ssh-keygen|ssh-keyscan|docker) [^`]*$")
+"""What a shell would run, up to a place where something is put in."""
+CLOSED = {
+    "os.geteuid()": "a number",
+    "name": "of an image, and checked: see `images.hint`",
+}
+"""What needs no quotes, and why."""
+
+
+def hints(tree: ast.AST) -> Iterator[ast.JoinedStr]:
+    """Yield each text with places that is called a hint."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.keyword) and node.arg == "hint":
+            found: ast.AST = node.value
+        elif isinstance(node, ast.Assign) and any(ast.unparse(one).endswith("hint") for one in node.targets):
+            found = node.value
+        elif isinstance(node, ast.FunctionDef) and "hint" in node.name:
+            found = node
+        else:
+            continue
+        yield from (one for one in ast.walk(found) if isinstance(one, ast.JoinedStr))
+
+
+def unquoted(source: str) -> Iterator[str]:
+    """Yield each place in a command that may be more than one word."""
+    for text in hints(ast.parse(source)):
+        so_far = ""
+        for part in text.values:
+            if isinstance(part, ast.Constant):
+                so_far += str(part.value)
+                continue
+            assert isinstance(part, ast.FormattedValue)
+            put = ast.unparse(part.value)
+            if COMMAND.search(so_far) and put not in CLOSED and "quote(" not in put:
+                yield f"{so_far}{{{put}}}"
+            so_far += "x"
+
+
+def test_what_is_put_into_a_command_is_quoted() -> None:
+    """A project's file may be called `$(curl ...).cdf`."""
+    found = {str(path): list(unquoted(path.read_text(encoding="utf-8"))) for path in SOURCES}
+    assert found and {path: some for path, some in found.items() if some} == {}
+
+
+def test_a_place_without_quotes_is_seen() -> None:
+    assert list(unquoted('raise E("x", hint=f"see `srprov validate {path}`, or leave it")')) == [
+        "see `srprov validate {path}"
+    ]
+    assert list(unquoted('raise E("x", hint=f"then: chmod go-w {quote(path)}")')) == []
