@@ -5,11 +5,13 @@ Takes all robots as they are, and the robots and the records of this machine's l
 | of the robots of this machine's last run                    | what counts                                       |
 |-------------------------------------------------------------|---------------------------------------------------|
 | one still has the record that it was given                  | that record                                       |
-| all answer, and more than half hold one: somebody was there | that record                                       |
+| all answer, and more than half hold one: somebody was there | that record, but for what is said right below     |
 | anything else, or there was no run                          | of each robot's record, what it says of the robot |
 
 So no robot can move what others are sent, by a record of its own with a higher serial, nor by cutting others off. A
-robot that has none any more, as somebody ended the instance there, is no voice for one that says anything.
+robot that has none any more, as somebody ended the instance there, is no voice for one that says anything. And where
+that run gave a record to one robot alone, that one would be more than half: what this machine did not write, and no
+other robot holds, counts only where it speaks of nobody else.
 
 A run that did not come to its end leaves two records of this machine's that robots may have. Where none that answers
 has the newer one, the older one counts, as that run may have written nothing; but for who sends something to a service
@@ -70,7 +72,8 @@ def believe(
     trusted = {robot: record for robot, record in held.items() if robot in keepers}
     ages = {id(record): written(record) for record in _distinct(held)}
     away = sorted(robot for robot in keepers if robot in snapshot.unreachable)
-    best = _settled(trusted, len(keepers), away, ages)
+    lone = _lone(trusted, held, snapshot)
+    best = _settled(trusted, len(keepers), ages, doubtful=bool(away or lone))
     if best is not None:
         holders = frozenset(robot for robot, record in held.items() if record is best)
         odd = sorted(robot for robot, record in held.items() if record is not best and ages[id(record)] < 0)
@@ -87,7 +90,7 @@ def believe(
     disputes = _differing(held, most)
     if keepers:
         few = f"no record is on more than half of {', '.join(sorted(keepers))}"
-        why = f"{', '.join(away)} cannot be asked" if away else few
+        why = f"{', '.join(away)} cannot be asked" if away else lone or few
         who = f"{', '.join(sorted(held))} do{'es' * (len(held) == 1)}"
         disputes.append(f"{who} not hold what this machine wrote, and {why}")
     absent = tuple(_of_others(most, holders, snapshot))
@@ -106,19 +109,28 @@ def _distinct(held: Mapping[str, Record]) -> list[Record]:
     return list({id(one): one for one in held.values()}.values())
 
 
-def _settled(
-    trusted: Mapping[str, Record], given: int, away: Collection[str], ages: Mapping[int, int]
-) -> Record | None:
+def _settled(trusted: Mapping[str, Record], given: int, ages: Mapping[int, int], *, doubtful: bool) -> Record | None:
     """Return the record that needs nobody's consent: this machine's, or one that most of the `given` robots hold.
 
-    None: there is none, or `away` tells of robots that could contradict.
+    None: there is none; or it is not this machine's, and `doubtful`.
     """
     ours = max(trusted.values(), key=lambda record: ages[id(record)], default=None)
     if ours is None or ages[id(ours)] >= 0:
         return ours
     most = _most_held(trusted)
     agree = 2 * sum(record is most for record in trusted.values()) > given
-    return most if agree and not away else None
+    return most if agree and not doubtful else None
+
+
+def _lone(trusted: Mapping[str, Record], held: Mapping[str, Record], snapshot: Snapshot) -> str:
+    """Say that one robot alone holds what the trusted ones do, and that it speaks of others here; or nothing."""
+    most = _most_held(trusted) if trusted else {}
+    holders = {robot for robot, record in held.items() if record is most}
+    if len(holders) != 1:
+        return ""
+    named = {*most.get("robots", {}), *(entry["robot"] for entry in most.get("services", {}).values())}
+    others = sorted((named - holders) & (snapshot.facts.keys() | snapshot.unreachable.keys()))
+    return f"no other robot holds what {min(holders)} says of {', '.join(others)}" if others else ""
 
 
 def _most_held(held: Mapping[str, Record]) -> Record:

@@ -152,3 +152,27 @@ def test_the_one_robot_of_an_inventory_does_not_say_what_it_has_for_another_one(
     finally:
         lab.shell("robot1", "docker", "rm", "-f", "srprov.one.vault")
         lab.srprov("destroy", *words, "--yes", "--adopt")
+
+
+def test_the_one_robot_of_an_inventory_says_nowhere_where_another_one_is(lab_of_module: Lab, tmp_path: Path) -> None:
+    """It alone was given a record; in one of its own, a robot that is away has a service, and its own address."""
+    lab, path = lab_of_module, tmp_path / "way.edf"
+    one = part_of_lab(lab, ["robot2"], tmp_path / "one.yml")
+    away = {"robot3": {"ansible_port": 9}}
+    words = (str(path), "-i", part_of_lab(lab, ["robot1", "robot2", "robot3"], tmp_path / "all.yml", **away))
+    services = {"cam": busybox(robot="robot2", network="none")}
+    path.write_text(edf("way", services), encoding="utf-8")
+    assert lab.srprov("apply", str(path), "-i", one, "--yes", "--settle", "0").code == 0
+    services |= {name: busybox(robot=robot, network="overlay") for name, robot in (("nav", "robot1"), ("db", "robot3"))}
+    path.write_text(edf("way", services), encoding="utf-8")
+    where = "/var/lib/srprov/way/placement.json"
+    said = json.loads(lab.shell("robot2", "cat", where).out)
+    said["services"]["db"] = {"ip": "10.200.0.7", "mac": "02:00:00:00:00:07", "network": "overlay", "robot": "robot3"}
+    said["robots"]["robot3"] = {"gateway": "10.200.0.8", "vtep": said["robots"]["robot2"]["vtep"]}
+    lab.shell("robot2", "sh", "-c", f'printf %s "$1" >{where}', "sh", json.dumps(said))
+    try:
+        done = lab.srprov("apply", *words, "--yes", "--settle", "0", "--no-probe")
+        assert done.code == 9 and "no other robot holds what robot2 says of robot3" in done.err, done
+        assert lab.shell("robot1", "ip", "link", "show", "type", "vxlan").out == ""
+    finally:
+        lab.srprov("destroy", "--instance", "way", "-i", words[2], "--yes")

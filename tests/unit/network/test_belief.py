@@ -85,6 +85,23 @@ def test_robots_that_hold_no_record_any_more_are_no_voice_for_the_one_that_does(
     assert not believe("hello", seen(r1=record(7), r2=record(7)), keepers, lambda _one: -1).doubts
 
 
+def test_the_one_robot_that_was_given_a_record_says_nothing_of_others() -> None:
+    """It alone is more than half; one that it speaks of is away, or answers and holds nothing of it, or another one."""
+    away, why = seen(("r2",), r1=FORGED), "no other robot holds what r1 says of r2"
+    answers: Any = {"r1": None, "r2": None}
+    for held in (away, replace(away, unreachable={}, facts=answers), seen(("r2",), r1=FORGED, r3=record())):
+        belief = believe("hello", held, {"r1"})
+        assert belief.record is not None and "r2" not in {*belief.record["robots"]}
+        assert "b" not in belief.record["services"]
+        assert any(why in one for one in belief.disputes)
+    assert believe("hello", away, {"r1"}).disputes == (f"r1 does not hold what this machine wrote, and {why}",)
+    assert not believe("hello", away, {"r1"}, lambda _one: 0).doubts, "this machine wrote it"
+    assert not believe("hello", seen(r1=record(7)), {"r1"}).doubts, "from who is not in the inventory, nothing follows"
+    assert not believe("hello", seen(("r2",), r1=record(7), r3=record(7)), {"r1"}).doubts, "r3 has it from a run, too"
+    own = record(7, services={"a": record()["services"]["a"]}, robots={"r1": record()["robots"]["r1"]})
+    assert not believe("hello", seen(("r2",), r1=own), {"r1"}).doubts, "it speaks of itself"
+
+
 def test_an_older_record_of_ours_is_unsure_while_one_that_may_have_the_newer_one_is_silent() -> None:
     """A run did not come to its end, as a robot let it fail, which kept what it had; the other one is away now."""
     order = [record(2), record(3)].index
