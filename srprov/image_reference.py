@@ -20,6 +20,8 @@ _PATH = re.compile(r"[a-z0-9]+(?:(?:\.|_|__|-+)[a-z0-9]+)*(?:/[a-z0-9]+(?:(?:\.|
 _TAG = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}")
 _DIGEST = re.compile(r"sha256:[0-9a-f]{64}|sha512:[0-9a-f]{128}")
 _LONGEST = 255
+_BUILT = "srprov/"
+"""Before the name of every image that srprov builds, or takes from a bundle."""
 _PUBLIC = re.compile(r"(?:[a-z0-9-]+\.)+[a-z][a-z0-9-]*")
 _PRIVATE = (
     *(".localhost", ".local", ".localdomain", ".internal", ".home.arpa", ".test", ".invalid", ".onion"),
@@ -41,6 +43,11 @@ class Reference(msgspec.Struct, frozen=True, order=True):
     def pinned(self) -> bool:
         """True when it names content, not a tag that may move."""
         return bool(self.digest)
+
+    @property
+    def is_of_a_build(self) -> bool:
+        """True for a name that srprov gives to what it builds: whoever has that name on Docker Hub builds nothing."""
+        return self.domain == _DEFAULT_DOMAIN and self.path.startswith(_BUILT)
 
     @property
     def is_private(self) -> bool:
@@ -87,6 +94,14 @@ def parse_reference(text: str) -> Reference:
         # `docker.io/127.0.0.1/x` is shown, and given to engines, as `127.0.0.1/x`, which leads elsewhere
         raise ValueError(f"'{shown}' has a registry's name behind Docker Hub's")
     return Reference(domain, path, tag or ("" if digest else "latest"), digest)
+
+
+def is_of_a_build(name: str) -> bool:
+    """Return whether a name is one that srprov gives to what it builds; what is none is no such name."""
+    try:
+        return parse_reference(name).is_of_a_build
+    except ValueError:
+        return False
 
 
 def pull_parameters(name: str) -> tuple[tuple[str, str], ...]:

@@ -39,7 +39,7 @@ from srprov.controller.playbooks import playbooks
 from srprov.controller.readiness import check_ready, with_log_drivers
 from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.request import PlanRequest
-from srprov.controller.robot_images import check_never
+from srprov.controller.robot_images import check_there
 from srprov.controller.robots_words import at_home
 from srprov.controller.trial_values import at_first_point
 from srprov.controller.writers import check_writers
@@ -216,7 +216,7 @@ def _inputs(
         bundled=mine,
         builders=builders,
     )
-    check_never(inputs)
+    check_there(inputs, seen=look.sees)
     check_platforms(inputs, definitions)
     return inputs
 

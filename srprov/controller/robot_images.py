@@ -11,7 +11,7 @@ from srprov.controller.render_inputs import RenderInputs
 from srprov.definitions.model import Service
 from srprov.errors import UsageError
 from srprov.facts.model import HostFacts
-from srprov.image_reference import Reference, parse_reference
+from srprov.image_reference import Reference, is_of_a_build, parse_reference
 from srprov.record.memory import built_for
 from srprov.resource import resource_id
 
@@ -113,22 +113,30 @@ def _alike(inputs: RenderInputs, facts: HostFacts) -> list[str]:
     return sorted(alike(inputs.snapshot, facts.arch), key=lambda host: (host not in inputs.builders, host))
 
 
-def check_never(inputs: RenderInputs) -> None:
-    """Refuse a plan that would bring an image to a robot whose service says `never`.
+def check_there(inputs: RenderInputs, *, seen: bool) -> None:
+    """Refuse a plan that would bring an image to a robot whose service says `never`, or one of srprov's own names.
+
+    No registry is asked for what srprov builds: whoever has taken that name on Docker Hub would give the robot an image
+    under the tag of another experiment's build, which then ran as that. `seen` says that the robots were looked at.
 
     Raises:
         UsageError: Names each.
     """
     present = {(h, one.name) for h, items in inputs.snapshot.observed.items() for one in items if one.module == "image"}
-    missing = []
-    for name, robot in sorted(inputs.placed.items()):
-        service = inputs.experiment.services[name]
-        if service.runtime.pull_policy == "never" and robot in inputs.snapshot.facts:
-            image = image_of(inputs, service)
-            missing += [f"{name}: {image} is not on {robot}"] if (robot, image) not in present else []
-    if missing:
-        raise UsageError(
-            f"pull_policy is never: {'; '.join(missing)}",
-            hint="load it there, or use pull_policy: missing",
-            code=Code.NO_IMAGE,
-        )
+    built = {one.tag for one in inputs.images.values()}
+    never, nobody_s = list[str](), list[str]()
+    reachable = {name: robot for name, robot in inputs.placed.items() if robot in inputs.snapshot.facts}
+    for name, robot in sorted(reachable.items()) if seen else ():
+        image = image_of(inputs, inputs.experiment.services[name])
+        if (robot, image) in present:
+            continue
+        told = f"{name}: {image} is not on {robot}"
+        never += [told] if inputs.experiment.services[name].runtime.pull_policy == "never" else []
+        nobody_s += [told] if is_of_a_build(image) and image not in built and name not in inputs.bundled else []
+    if never:
+        hint = "load it there, or use pull_policy: missing"
+        raise UsageError(f"pull_policy is never: {'; '.join(never)}", hint=hint, code=Code.NO_IMAGE)
+    if nobody_s:
+        hint = "build it there first, by the experiment that it is of; or give the service that one's CDF"
+        what = f"no registry has what srprov builds: {'; '.join(nobody_s)}"
+        raise UsageError(what, hint=hint, code=Code.NO_IMAGE)

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from srprov import plain_tar
 from srprov.definitions.dockerfile import images_of, instructions, is_open, stages
-from srprov.image_reference import pull_parameters
+from srprov.image_reference import is_of_a_build, pull_parameters
 from srprov.session import Progress, Session
 from srprov.untrusted import mapping, mappings, string, strings
 from srprov.wire import EngineCall, EngineQuery, Reply
@@ -50,6 +50,9 @@ def refuse_triggers(build: EngineCall, session: Session, progress: Progress) -> 
     looks = [EngineQuery(path=f"/images/{name}/json", params=(("manifests", "1"),)) for name in names]
     replies = session.ask(looks) if looks else ()
     missing = [name for name, reply in zip(names, replies, strict=True) if not reply.ok]
+    if built := next(filter(is_of_a_build, missing), ""):
+        why = f"{built} is not on the robot, and no registry has what srprov builds: it would be somebody else's"
+        return Reply(status=0, ok=False, err=why)
     for name in missing:
         if not (pulled := session.execute(_pull(name, build.timeout_s), progress)).ok:
             return pulled

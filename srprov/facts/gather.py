@@ -43,6 +43,9 @@ class Gathering:
     `first` waits for the first answers, `closer` asks for more, `probe` asks about single resources that are wanted.
     """
 
+    sees = True
+    """Whether what is on the robots is known, and not only what they are like."""
+
     def __init__(
         self, inventory: Inventory, readers: Readers, *, engine: bool = False, ports: bool = False, forks: int = 64,
         meanwhile: Callable[[], None] | None = None,

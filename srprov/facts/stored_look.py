@@ -14,6 +14,8 @@ from srprov.wire import AnyQuery, Reply
 class StoredLook(Gathering):
     """What `Gathering` would give, had robots said then what was stored; nothing of srprov's is on them."""
 
+    sees = False
+
     def __init__(self, inventory: Inventory, snapshot: Snapshot) -> None:
         """Take the facts; the base class would begin to ask."""
         self.inventory, self._snapshot = inventory, snapshot

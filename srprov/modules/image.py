@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from srprov.image_reference import pull_parameters
+from srprov.image_reference import is_of_a_build, pull_parameters
 from srprov.modules.container_leftover import BUILD
 from srprov.modules.module import INSTANCE, Module, Names
 from srprov.modules.params import ParameterError
@@ -114,8 +114,8 @@ class ImageModule(Module[ImageParams]):
         return Change(action=Action.CREATE, cause=f"not on the robot; {how}{note}", commands=(command,))
 
     def is_own(self, name: str, want: ImageParams, names: Names) -> bool:
-        """Take any that is pulled; what is built is told by its content tag, which is not known here."""
-        return want.source == "pull"
+        """Take any that a registry may have; what is built is told by its content tag, which is not known here."""
+        return want.source == "pull" and not is_of_a_build(name)
 
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Untag; layers go when nothing else needs them.

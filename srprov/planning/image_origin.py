@@ -7,8 +7,6 @@ import re
 from srprov.image_reference import parse_reference
 
 _IMAGE_ID = re.compile(r"(sha256:)?[0-9a-f]+")
-_BUILT_HERE = "srprov/"
-"""Before the name of every image that srprov builds."""
 
 
 def not_from_a_registry(name: str) -> str:
@@ -21,5 +19,4 @@ def not_from_a_registry(name: str) -> str:
         reference = parse_reference(name)
     except ValueError:
         return "which image that is only the builder knows"
-    built = reference.domain == "docker.io" and reference.path.startswith(_BUILT_HERE)
-    return "built by srprov, perhaps for another experiment" if built else ""
+    return "built by srprov, perhaps for another experiment" if reference.is_of_a_build else ""

@@ -13,11 +13,13 @@ from srprov.controller import bundled as bundles
 from srprov.controller.image_builders import counted, proofs_of
 from srprov.controller.remembering import note_built
 from srprov.controller.request import BundledImage
-from srprov.controller.robot_images import robot_images
+from srprov.controller.robot_images import check_there, robot_images
 from srprov.definitions.containermodel import Runtime
 from srprov.definitions.model import Experiment, Host, Inventory, Service
+from srprov.errors import UsageError
 from srprov.facts.model import Docker, HostFacts, Snapshot
 from srprov.facts.stored_look import StoredLook
+from srprov.image_reference import parse_reference
 from srprov.images.plan import ImagePlan
 from srprov.record.memory import built_for, known_images, note_images
 from srprov.resource import Observed
@@ -74,6 +76,30 @@ def sources(
         for host, images in found.items()
         for one in images
     }
+
+
+@pytest.mark.parametrize("name", [TAG, f"docker.io/{TAG}", "index.docker.io/srprov/x", f"srprov/x@sha256:{'1' * 64}"])
+@pytest.mark.parametrize("of_a_cdf", [True, False])
+def test_no_registry_is_asked_for_what_srprov_builds(name: str, of_a_cdf: bool) -> None:
+    """Whoever has that name on Docker Hub gave a robot his own image under the tag of another experiment's build."""
+    facts = HostFacts(name="b", arch="amd64", docker=Docker(version="20.10", api_version="1.41"))
+    service = SimpleNamespace(name="one", image="" if of_a_cdf else name, cdf="x" if of_a_cdf else "")
+    there = parse_reference(name).familiar
+
+    def checked(*present: str, seen: bool = True) -> None:
+        images = tuple(Observed(module="image", name=one, instance="", state={"id": "1"}) for one in present)
+        snapshot = Snapshot(facts={"b": facts}, observed={"b": images})
+        inputs: Any = SimpleNamespace(
+            experiment=SimpleNamespace(services={"one": service}), placed={"one": "b"}, images={}, snapshot=snapshot,
+            references={"x": name}, bundled={},
+        )  # fmt: skip
+        check_there(inputs, seen=seen)
+
+    service.runtime = Runtime()
+    with pytest.raises(UsageError, match=r"no registry has what srprov builds: one: srprov/x\S* is not on b"):
+        checked("srprov/y:1")
+    checked(there)
+    checked(seen=False)
 
 
 def test_an_image_that_this_machine_had_built_is_copied_by_its_id() -> None:

@@ -8,7 +8,7 @@ from unittest import mock
 import pytest
 from msgspec.structs import replace
 
-from srprov.controller.authority import check_file, wants_of
+from srprov.controller.authority import asked, check_file, wants_of
 from srprov.controller.owners import Owner, keep, owners_folder, read_owner
 from srprov.controller.plan import Planned
 from srprov.controller.request import PlanRequest
@@ -16,9 +16,10 @@ from srprov.controller.saved import check_plan, kept_plan
 from srprov.definitions.containermodel import Mount
 from srprov.definitions.model import Definitions
 from srprov.errors import RefusedError, StalePlan, UsageError
+from srprov.planning.plan import Step
 from srprov.planning.planfile import PlanFile, dump
 from srprov.planning.planread import load
-from srprov.resource import Need
+from srprov.resource import Action, Change, Need
 from tests.fakes import World
 from tests.resources import resource
 from tests.worlds import Experiment, apply, experiment, fleet, made, run, service
@@ -230,6 +231,16 @@ def test_an_image_that_nothing_of_a_plan_file_runs_asks_for_what_a_service_would
         check_file(replace(saved, also_wanted=(*saved.also_wanted, image)), "plan.json")
     run_here = {one.name for one in wants_of(saved) if one.module == "image"}
     assert run_here and not saved.plan.permissions
+
+
+def test_a_plan_file_has_no_registry_asked_for_what_srprov_builds(world: World) -> None:
+    """srprov's own playbooks never do: who has that name on Docker Hub is not who built it."""
+    saved = reread(planned(world))
+    image = replace(resource("image", "srprov/talker:0123456789abcdef", {"source": "pull"}), host="r1")
+    change = Change(action=Action.CREATE, cause="")
+    step = Step(number=99, host="r1", module="image", name=image.name, change=change, want=image)
+    asked_for = {one.kind for one in asked(replace(saved, plan=replace(saved.plan, steps=(*saved.plan.steps, step))))}
+    assert {"built-image", "playbook"} <= asked_for
 
 
 @pytest.mark.parametrize(("service", "robot"), [("network.persist", "r1"), ("", "r1"), ("one", "r1\nr2")])

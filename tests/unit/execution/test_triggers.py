@@ -81,6 +81,15 @@ def test_a_build_on_ordinary_bases_begins() -> None:
     assert robot.pulled == ["other sha256:1"]
 
 
+@pytest.mark.parametrize("text", ["FROM srprov/x:1\n", "FROM good\nCOPY --from=docker.io/srprov/x:1 /a /a\n"])
+def test_no_registry_is_asked_for_what_srprov_builds(text: str) -> None:
+    """It would be on the robot under the tag of another experiment's build."""
+    robot = Robot({"good": None}, {"srprov/x": None, "srprov/x:1": None, "docker.io/srprov/x": None})
+    refused = refusal(robot, text)
+    assert refused is not None and "no registry has what srprov builds" in refused.err and not robot.pulled
+    assert refusal(Robot({"good": None, "srprov/x:1": None, "docker.io/srprov/x:1": None}, {}), text) is None
+
+
 def test_a_base_that_cannot_be_looked_at_is_not_built_on() -> None:
     robot = Robot({}, {})
     refused = refusal(robot, "FROM lab:5000/gone\n")
