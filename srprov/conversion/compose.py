@@ -13,6 +13,7 @@ from msgspec.structs import replace
 from srprov.conversion import discovery, robots
 from srprov.conversion.experiment import Draft, convert
 from srprov.conversion.project import Choices, Machine, instance_name
+from srprov.conversion.withheld import refuse_read
 from srprov.definitions.model import EXPORTED
 from srprov.importing.named import check_named
 from srprov.importing.normal import Normal
@@ -38,12 +39,17 @@ def draft(wanted: Wanted) -> Draft:
     """Return the experiment that Compose files describe.
 
     Raises:
-        Refused: A file is refused by Compose, cannot be read, or is a link that leads elsewhere.
+        Refused: A file is refused by Compose, cannot be read, or is a link that leads elsewhere; or the file of a
+            secret was read for another line.
         DefinitionError: The map of robots is wrong.
     """
     check_named([*wanted.files, *wanted.env_files, *filter(None, [wanted.robot_map])])
     grouped = robots.by_robot(wanted.robot_map, wanted.files) if wanted.robot_map else {"": list(wanted.files)}
     machines = [_machine(files, robot, wanted) for robot, files in grouped.items()]
+    every = [one.normal for one in machines]
+    refuse_read(
+        (one for normal in every for one in normal.named_files), {path for one in every for path in one.secret_files}
+    )
     network: dict[str, Any] = {}
     if len(machines) == 1:
         normal, network = discovery.restored(machines[0].normal)

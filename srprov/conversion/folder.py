@@ -22,6 +22,7 @@ from srprov.codes import Code
 from srprov.conversion.experiment import Draft
 from srprov.conversion.report import as_markdown
 from srprov.conversion.tree import Tree
+from srprov.conversion.withheld import is_withheld
 from srprov.definitions import check_files
 from srprov.definitions.model import VERSION_CONTROL
 from srprov.definitions.version_control import has_further_names, with_further_names
@@ -136,7 +137,7 @@ class _Copying:
         Raises:
             OSError: It cannot be read, or is too much.
         """
-        if self._is_withheld(source):
+        if is_withheld(source, self.withheld):  # a secret is in it, or in a folder that holds it
             return
         if os.path.isdir(source):
             if place.count("/") > _DEEPEST:
@@ -155,15 +156,6 @@ class _Copying:
             self.tree.link(place, os.readlink(source))
         else:
             self.take(source, place)
-
-    def _is_withheld(self, source: str) -> bool:
-        """Return whether a secret is in a file, or in a folder that holds it."""
-        while source not in self.withheld:
-            above = os.path.dirname(source)
-            if above == source:
-                return False
-            source = above
-        return True
 
     def _file(self, source: str, place: str) -> None:
         self.files += 1

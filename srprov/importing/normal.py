@@ -37,6 +37,15 @@ class Note(msgspec.Struct, frozen=True):
     hint: str = ""
 
 
+class Named(msgspec.Struct, frozen=True):
+    """A file that was read because another one names it."""
+
+    file: str
+    """Its real path."""
+    written: str
+    at: Position
+
+
 class Normal(msgspec.Struct, frozen=True):
     """One project: all files merged, variables put in, everything in its long form."""
 
@@ -48,6 +57,8 @@ class Normal(msgspec.Struct, frozen=True):
     warnings: tuple[Note, ...] = ()
     secret_files: frozenset[str] = frozenset()
     """Real paths of what any of the files calls a secret's file, also one that nothing in the document uses."""
+    named_files: tuple[Named, ...] = ()
+    """What was read for its variables, or as a Compose file; not what the user himself named."""
 
     def position_of(self, path: Path) -> Position:
         """Return where a value was written, or the nearest value around it."""

@@ -93,7 +93,9 @@ def _result(tree: Value, loading: Loading) -> Normal:
     said = [*loading.notes, *notes.of_project(tree, loading.reading.written)]
     used = dict.fromkeys(loading.variables.used)
     told = tuple(dict.fromkeys(said))
-    return Normal(plain(tree), dict(places(tree)), tuple(used), told, frozenset(loading.reading.secrets))
+    reading = loading.reading
+    named = tuple(dict.fromkeys(reading.named))
+    return Normal(plain(tree), dict(places(tree)), tuple(used), told, frozenset(reading.secrets), named)
 
 
 def _own_env_file(folder: str, first: File) -> list[File]:

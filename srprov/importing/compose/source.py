@@ -18,7 +18,7 @@ from srprov.errors import DefinitionError, Diagnostic
 from srprov.importing.compose.scalars import Date, meaning
 from srprov.importing.compose.scalars import shown as as_printed
 from srprov.importing.compose.values import Value, dotted
-from srprov.importing.normal import Refused
+from srprov.importing.normal import Named, Refused
 from srprov.importing.position import Path, Position
 from srprov.yamldoc import loader, nodes
 
@@ -40,6 +40,8 @@ class Reading:
     trees: dict[tuple[str, str], Value] = field(default_factory=dict)
     secrets: set[str] = field(default_factory=set)
     """Real paths of what any of the files calls a secret's file, whether a service that is wanted has it or not."""
+    named: list[Named] = field(default_factory=list)
+    """What was read because a file names it."""
     written: dict[Position, str] = field(default_factory=dict)
     """Numbers that Compose prints in another way than they are written, by their place."""
 
@@ -76,6 +78,8 @@ class Reading:
         """
         try:
             real = os.path.realpath(path) if named is None else self.inside(path, named)
+            if named is not None:
+                self.named.append(Named(real, str(named.data), named.at))
             if real not in self.texts:
                 self.one_more(named.at if named else Position(shown))
                 self.texts[real] = loader.read_text(real, shown, real=True)

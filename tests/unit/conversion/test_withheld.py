@@ -111,6 +111,56 @@ def test_no_password_of_robots_becomes_a_variable(
         assert run(["import", "compose", "c.yml", "--env-file", "group_vars/all.yml", "-o", "out"]) == 0
 
 
+VALUE = "services: {a: {image: x, environment: {GREETING: '${TOKEN}'}}}\n"
+
+
+@pytest.mark.parametrize(
+    "files",
+    [
+        {"c.yml": f"services: {{a: {{image: x, env_file: keys/token}}{USE}}}\n{SECRET}"},
+        {"c.yml": f"services: {{a: {{image: x, label_file: keys/token}}}}\n{SECRET}"},
+        {"c.yml": f"services: {{a: {{image: x, env_file: ../here/keys/../keys/token}}}}\n{SECRET}"},
+        {"c.yml": "services: {a: {image: x, env_file: keys/token}}\n", "d.yml": SECRET},
+        {"c.yml": f"include: [{{path: sub/d.yml, env_file: keys/token}}]\n{SECRET}", "sub/d.yml": VALUE},
+        {"c.yml": f"include: [sub/d.yml]\n{VALUE}", "sub/d.yml": "secrets: {t: {file: ../.env}}\n"},
+        {"c.yml": "services: {a: {image: x, env_file: keys/token}}\nsecrets: {t: {file: ./keys}}\n"},
+        {"c.yml": f"services: {{a: {{image: x, env_file: pub.env}}}}\n{SECRET}"},
+    ],
+    ids=["variables", "labels", "another way", "another file", "included", ".env", "a folder", "a second name"],
+)
+def test_no_value_of_a_secret_becomes_a_variable(
+    here: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], files: dict[str, str]
+) -> None:
+    """What mounts the file does not get it; so it is with what names it as a file of variables."""
+    Path("keys/token").write_text(f"TOKEN={CANARY}\n")
+    Path(".env").write_text(f"TOKEN={CANARY}\n")
+    os.link("keys/token", "pub.env")
+    for name, text in files.items():
+        Path(name).write_text(text.replace("../here", f"../{tmp_path.name}"))
+    named = [name for name in files if "/" not in name]
+    assert run(["import", "compose", *named, "-o", "out"]) == 5
+    told = capsys.readouterr()
+    assert "is the file of a secret" in told.err and CANARY not in told.out + told.err and not Path("out").exists()
+
+
+def test_a_secret_of_one_robot_s_files_is_no_variable_of_another_one_s(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("keys/token").write_text(f"TOKEN={CANARY}\n")
+    Path("c.yml").write_text(f"services: {{b: {{image: x, secrets: [t]}}}}\n{SECRET}")
+    Path("d.yml").write_text("services: {a: {image: x, env_file: keys/token}}\n")
+    Path("map.yml").write_text("{c.yml: robot1, d.yml: robot2}\n")
+    assert run(["import", "compose", "c.yml", "d.yml", "--robot-map", "map.yml", "-o", "out"]) == 5
+    assert "d.yml:1" in capsys.readouterr().err and not Path("out").exists()
+
+
+def test_what_the_user_names_himself_is_read_for_variables_in_the_files(here: Path) -> None:
+    Path("keys/token").write_text(f"TOKEN={CANARY}\n")
+    Path("c.yml").write_text(VALUE + SECRET)
+    assert run(["import", "compose", "c.yml", "--env-file", "keys/token", "-o", "out"]) == 0
+    assert CANARY in Path("out/experiment.edf").read_text()
+
+
 def test_the_file_of_a_secret_stays_one_in_what_is_imported(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """An experiment had it read here; now the project has a Compose file, which names no secret."""
     Path("keys/token").write_text(f"TOKEN={CANARY}\n")
