@@ -20,8 +20,8 @@ _PATH = re.compile(r"[a-z0-9]+(?:(?:\.|_|__|-+)[a-z0-9]+)*(?:/[a-z0-9]+(?:(?:\.|
 _TAG = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}")
 _DIGEST = re.compile(r"sha256:[0-9a-f]{64}|sha512:[0-9a-f]{128}")
 _LONGEST = 255
-_BUILT = "srprov/"
-"""Before the name of every image that srprov builds, or takes from a bundle."""
+BUILT = "srprov/"
+"""How the name of every image begins that srprov built, or took from a bundle."""
 _PUBLIC = re.compile(r"(?:[a-z0-9-]+\.)+[a-z][a-z0-9-]*")
 _PRIVATE = (
     *(".localhost", ".local", ".localdomain", ".internal", ".home.arpa", ".test", ".invalid", ".onion"),
@@ -47,7 +47,7 @@ class Reference(msgspec.Struct, frozen=True, order=True):
     @property
     def is_of_a_build(self) -> bool:
         """True for a name that srprov gives to what it builds: whoever has that name on Docker Hub builds nothing."""
-        return self.domain == _DEFAULT_DOMAIN and self.path.startswith(_BUILT)
+        return self.domain == _DEFAULT_DOMAIN and self.path.startswith(BUILT)
 
     @property
     def is_private(self) -> bool:

@@ -22,6 +22,7 @@ from srprov.definitions.model import Experiment, NetworkSettings, Service
 from srprov.definitions.secretmodel import SecretSource
 from srprov.errors import RefusedError, UsageError
 from srprov.facts.model import HostFacts
+from srprov.image_reference import BUILT
 from srprov.modules import MODULES, PROBING
 from srprov.modules.dataset import DataParams
 from srprov.modules.file import FileParams
@@ -138,7 +139,7 @@ def _builds(saved: PlanFile) -> dict[str, ContainerDefinition]:
     found = {}
     for name, context in saved.contexts.items():
         tag, text = read_context(context)
-        if tag and unclear(text) is None and name.startswith("srprov/") and name.rpartition(":")[2] == tag:
+        if tag and unclear(text) is None and name.startswith(BUILT) and name.rpartition(":")[2] == tag:
             found[name] = definition_of(name, text)
     return found
 

@@ -21,7 +21,7 @@ from srprov.definitions.dockerfile import images_of, unclear
 from srprov.definitions.labpolicy import LabPolicy, load
 from srprov.definitions.model import Definitions, Inventory, Service
 from srprov.errors import RefusedError
-from srprov.image_reference import parse_reference
+from srprov.image_reference import BUILT, parse_reference
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.image import ImageParams
 from srprov.planning.plan import Plan, Step
@@ -189,7 +189,7 @@ def _images(step: Step) -> Iterable[str]:
     """Return the images that a step takes from a registry, or that its container runs."""
     params = step.want.params if step.want else None
     if isinstance(params, ContainerParams):
-        built = params.image.startswith("srprov/") and not params.image.startswith(BUNDLED)
+        built = params.image.startswith(BUILT) and not params.image.startswith(BUNDLED)
         return () if built else (params.image,)  # what is built here is looked at below
     if not isinstance(params, ImageParams) or params.source == "copy":
         return ()

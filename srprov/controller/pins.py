@@ -48,7 +48,7 @@ def _reference(name: str) -> Reference | None:
         reference = parse_reference(name)
     except ValueError:
         return None
-    return None if reference.path.startswith("srprov/") and reference.domain == "docker.io" else reference
+    return None if reference.is_of_a_build else reference
 
 
 def pinned(definitions: Definitions, lock: Lock) -> Definitions:

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from srprov.image_reference import BUILT
+
 if TYPE_CHECKING:
     from srprov.controller.owners import Owner
     from srprov.definitions.labpolicy import LabPolicy
     from srprov.definitions.playbookmodel import Playbook
 
-BUILT = "srprov/"
-"""How the names of images begin that srprov built, or took from a bundle."""
 BUNDLED = f"{BUILT}bundled:"
 """How images from bundles are named on robots; the digits of their configurations' digests follow."""
 SEARCH_LIMIT_S = 30.0

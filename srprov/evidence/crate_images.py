@@ -11,7 +11,7 @@ from srprov.evidence.crate_base import Entity, Told, file_id, image_id, ref
 from srprov.evidence.files import Files
 from srprov.evidence.images import LAYOUT, sbom_name, stored
 from srprov.evidence.story import Story
-from srprov.image_reference import parse_reference
+from srprov.image_reference import BUILT, parse_reference
 from srprov.oci.layout import REF_NAME, Stored, sha256
 
 
@@ -42,7 +42,7 @@ def _in_bundle(told: Told, one: Stored) -> Entity:
         reference = parse_reference(one.names[0])
     except ValueError:
         reference = None
-    if reference and not one.names[0].startswith("srprov/"):
+    if reference and not one.names[0].startswith(BUILT):
         found |= {"registry": reference.domain, "tag": reference.tag}
     if (name := sbom_name(one.id)) in told.files:
         found["subjectOf"] = ref(file_id(name))

@@ -12,7 +12,7 @@ import msgspec
 
 from srprov.codes import Code
 from srprov.controller.kept_images import Content, keep
-from srprov.controller.request import BUILT, BundledImage
+from srprov.controller.request import BundledImage
 from srprov.errors import UsageError
 from srprov.evidence import story
 from srprov.evidence.files import Files
@@ -20,6 +20,7 @@ from srprov.evidence.images import LAYOUT, stored
 from srprov.evidence.story import Story
 from srprov.evidence.verified import Bundle, reopened
 from srprov.facts.model import Snapshot
+from srprov.image_reference import BUILT
 from srprov.oci.layout import Stored, blob
 
 
