@@ -116,9 +116,9 @@ def test_the_wrapper_changes_only_questions_for_the_time_of_now(tmp_path: Path) 
     def ask(*words: str) -> str:
         return subprocess.run(["sh", str(script), *words], capture_output=True, text=True, check=True).stdout.strip()
 
-    assert float(ask("+%s.%N")) - time.time() == pytest.approx(-3600.5, abs=1)
+    assert float(ask("+%s.%N")) - time.time() == pytest.approx(-3600.5, abs=3)
     (tmp_path / "clock").write_text("+12.250000\n")
-    assert float(ask("+%s.%N")) - time.time() == pytest.approx(12.25, abs=1)
+    assert float(ask("+%s.%N")) - time.time() == pytest.approx(12.25, abs=3)
     assert ask("-u", "-d", "@0", "+%Y") == ask("-u", "--date=@0", "+%Y") == "1970"
 
 
@@ -198,9 +198,10 @@ def test_the_proxy_is_late_by_two_round_trips_and_then_by_one() -> None:
             assert await reader.read() == b"bye\n"
             return [*times, time.monotonic()]
 
-    times = asyncio.run(asyncio.wait_for(talk(), 10))
-    waited = [after - before for before, after in itertools.pairwise(times)]
-    assert waited == pytest.approx([2 * RTT_S, RTT_S, RTT_S], abs=0.1)
+    talks = [asyncio.run(asyncio.wait_for(talk(), 10)) for _ in range(3)]
+    waited = [[after - before for before, after in itertools.pairwise(times)] for times in talks]
+    # a busy machine makes any of them longer
+    assert [min(some) for some in zip(*waited, strict=True)] == pytest.approx([2 * RTT_S, RTT_S, RTT_S], abs=0.1)
 
 
 def test_the_proxy_is_late_by_different_times_there_and_back() -> None:

@@ -17,6 +17,7 @@ from srprov.cli.main import run
 from srprov.report import read
 from srprov.report.embed import extracted
 from srprov.report.model import PlanView
+from tests.bounded import within
 from tests.unit.report.pages import Page, wrong_numbers
 from tests.unit.report.records import run as a_run
 from tests.unit.report.records import write
@@ -124,12 +125,9 @@ def test_the_data_comes_out_again_as_it_went_in(tmp_path: Path, capsys: pytest.C
 
 def test_a_thousand_robots_fit_in_three_megabytes_and_five_seconds(tmp_path: Path) -> None:
     folder = write(tmp_path / "run", a_run(1000, 20))
-    begun = time.monotonic()
-    page = page_of(folder, tmp_path / "page.html")
-    took = time.monotonic() - begun
-    assert (tmp_path / "page.html").stat().st_size < 3_000_000 and took < 10, (
-        "5 s with this test's own parser beside it"
-    )
+    with within(10):  # half of it for this test's own parser
+        page = page_of(folder, tmp_path / "page.html")
+    assert (tmp_path / "page.html").stat().st_size < 3_000_000
     assert "900 more robots are left out; a page has 2000 at most" in page.text
     assert "940 robots that ended earlier have no lane here" in page.text
     assert wrong_numbers(page, json.loads((folder / "result.json").read_text())) == []

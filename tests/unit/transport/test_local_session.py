@@ -454,11 +454,11 @@ def test_a_log_is_not_cut_because_its_reader_takes_time(
     session: Session, play: Callable[[Answer], PlayedEngine], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Only silence of the engine is limited: three million lines take a terminal longer than a minute."""
-    monkeypatch.setattr("srprov.transport.engine.client._LOG_TIMEOUT_S", 0.3)
+    monkeypatch.setattr("srprov.transport.engine.client._LOG_TIMEOUT_S", 1.0)
     play(lambda *_: reply((b"x" * 99 + b"\n") * 20_000))
     log = session.container_log("web", tail=20_000, follow=False)
     assert next(log) == "x" * 99
-    time.sleep(0.5)
+    time.sleep(1.2)
     assert sum(1 for _ in log) == 19_999
 
 
