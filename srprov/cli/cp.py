@@ -60,8 +60,8 @@ def cp(
     What is copied into a container is no part of the experiment: it is gone when apply makes the container anew, and
     plan does not show it. Volumes keep it.
 
-    Exits with 0; with 3 when something was left out: links that lead out, devices, pipes, sockets, repositories; with 4
-    when the robot is lost.
+    Exits with 0; with 3 when something was left out: links to what did not come, devices, pipes, sockets, repositories;
+    with 4 when the robot is lost.
     """
     from srprov.controller.copying import place
 

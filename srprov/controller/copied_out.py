@@ -2,8 +2,8 @@
 
 Takes pieces of a tar that a stranger's container filled, and a folder. Every folder on the way is opened by its
 descriptor and no link is followed: neither `..`, nor a link in the tar, nor one that is here already leads elsewhere.
-A file comes under another name beside its place and takes it when it is whole. Links come when they stay inside of
-what is copied; devices, pipes and sockets do not.
+A file comes under another name beside its place and takes it when it is whole. Links come in the end, those that lead
+to what came; devices, pipes and sockets do not.
 """
 
 from __future__ import annotations
@@ -20,14 +20,17 @@ import msgspec
 
 from srprov.codes import Code
 from srprov.controller.copied import Copied
+from srprov.controller.copied_links import Links, stays_inside
+from srprov.controller.folder_entries import FOLDER, is_folder, link_at, make_like, open_folder
 from srprov.errors import UsageError
 from srprov.transport.tar_stream import TarError, TarStream, parts_of, place_of
 
 MOST_MEMBERS = 200_000
 _LEFT_FREE, _LOOK = 512 << 20, 32 << 20
 """Bytes of the disk that no copy takes, and between two looks at it."""
-_FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
 _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+_Like = tuple[int, float]
+"""Permissions and time."""
 
 
 class Target(msgspec.Struct, frozen=True, kw_only=True):
@@ -57,6 +60,7 @@ def unpack(chunks: Iterator[bytes], target: Target, copied: Copied, *, preserve:
         with _Tree(target, copied, preserve) as tree:
             for header in tar:
                 tree.add(header, tar.content())
+            tree.finish()
     except TarError as error:
         raise UsageError(f"what the container's engine sends is not understood: {error}", code=Code.ANSWER) from error
 
@@ -66,11 +70,16 @@ class _Tree:
 
     def __init__(self, target: Target, copied: Copied, preserve: bool) -> None:
         self._target, self._copied, self._preserve = target, copied, preserve
-        self._open: list[tuple[str, int, tarfile.TarInfo | None]] = []
-        """Name, descriptor and header of each folder on the way; the first is the user's."""
+        self._open: list[tuple[str, int, _Like | None]] = []
+        """Name and descriptor of each folder on the way, and what it is to be like; the first is the user's."""
         self._top: list[str] | None = None
         """What all names in the tar begin with."""
         self._written: set[str] = set()
+        self._made: set[str] = set()
+        """Folders that were not here."""
+        self._folders: dict[tuple[str, ...], _Like] = {}
+        """What folders are to be like once nothing more is written there."""
+        self._links = Links()
         self._unlooked = 0
         """Bytes since the disk was looked at."""
 
@@ -88,7 +97,9 @@ class _Tree:
         if self._copied.leave_repository(parts, self._above, folder=header.isdir()):
             return
         if header.isdir():
-            self._enter(parts, header)
+            self._enter(parts)
+            if self._preserve:
+                self._folders[tuple(parts)] = header.mode, header.mtime
             return
         if not parts:
             raise UsageError("what is to be copied is neither a file nor a folder", code=Code.NO_FILE)
@@ -96,14 +107,29 @@ class _Tree:
         if header.isreg():
             self._file(folder, parts, header, content)
         elif header.issym() and stays_inside(len(parts) - self._above - 1, header.linkname):
-            with self._beside(folder, parts) as name:
-                os.symlink(header.linkname, name, dir_fd=folder)
+            self._links.add("/".join(parts), header.linkname)
         elif header.issym():
             self._copied.leave_out("/".join(parts), f"a link that leads out of it, to {header.linkname}")
         elif header.islnk():
             self._hard_link(folder, parts, header)
         else:
             self._copied.leave_out("/".join(parts), "a device, pipe or socket")
+
+    def finish(self) -> None:
+        """Make the links that lead to what came, then give folders their permissions and times."""
+        for place, link, comes in self._links.all(self._written, self._made):
+            *above, last = place.split("/")
+            folder = self._enter(above)
+            if link_at(folder, last) == link:
+                continue  # an earlier copy brought it
+            if not comes:
+                self._copied.leave_out(place, f"a link to what did not come with it, {link}")
+                continue
+            with self._beside(folder, [*above, last]) as name:
+                os.symlink(link, name, dir_fd=folder)
+        self._leave(1)
+        for parts, like in sorted(self._folders.items()):
+            self._enter(list(parts), like)
 
     @property
     def _above(self) -> int:
@@ -116,7 +142,7 @@ class _Tree:
             self._top = parts_of(name)[:1]
         return place_of(name, self._top, self._target.name)
 
-    def _enter(self, parts: list[str], header: tarfile.TarInfo | None = None) -> int:
+    def _enter(self, parts: list[str], like: _Like | None = None) -> int:
         """Return the descriptor of a folder, which is made when it is missing; leave those that do not lead there."""
         known = 0
         while known < min(len(parts), len(self._open) - 1) and self._open[known + 1][0] == parts[known]:
@@ -124,19 +150,22 @@ class _Tree:
         self._leave(known + 1)
         for at, name in enumerate(parts[known:], known + 1):
             above = self._open[-1][1]
+            if "/".join(parts[:at]) in self._links:
+                raise TarError(f"{'/'.join(parts)[:80]!r} lies below a link")
             with contextlib.suppress(FileExistsError):
                 os.mkdir(name, 0o700, dir_fd=above)
-            descriptor = _open_folder(name, above, os.path.join(self._target.folder, *parts[:at]))
-            self._open.append((name, descriptor, header if at == len(parts) else None))
+                self._made.add("/".join(parts[:at]))
+            descriptor = open_folder(name, above, os.path.join(self._target.folder, *parts[:at]))
+            self._open.append((name, descriptor, like if at == len(parts) else None))
         return self._open[-1][1]
 
     def _leave(self, first: int) -> None:
         """Close folders from one on, and give each its permissions and time now that nothing more is written there."""
         while len(self._open) > first:
-            _, descriptor, header = self._open.pop()
+            _, descriptor, like = self._open.pop()
             try:
-                if self._preserve and header is not None:
-                    _like(descriptor, header)
+                if like is not None:
+                    make_like(descriptor, *like)
             finally:
                 os.close(descriptor)
 
@@ -151,7 +180,7 @@ class _Tree:
                 self._leave_room(stream.fileno(), len(piece))
             stream.flush()
             if self._preserve:
-                _like(stream.fileno(), header)
+                make_like(stream.fileno(), header.mode, header.mtime)
             else:
                 os.fchmod(stream.fileno(), 0o600 | header.mode & 0o100)
         self._copied.files += 1
@@ -171,10 +200,12 @@ class _Tree:
         first = self._place(header.linkname)
         if "/".join(first) not in self._written:
             raise TarError(f"{header.name[:80]!r} is another name of what did not come")
+        if "/".join(first) in self._links:
+            raise TarError(f"{header.name[:80]!r} is another name of what is no file")
         source = os.dup(self._open[0][1])
         try:
             for name in first[:-1]:
-                below = os.open(name, _FOLDER, dir_fd=source)
+                below = os.open(name, FOLDER, dir_fd=source)
                 os.close(source)
                 source = below
             if not stat.S_ISREG(os.stat(first[-1], dir_fd=source, follow_symlinks=False).st_mode):
@@ -193,48 +224,10 @@ class _Tree:
         name = f".srprov-{secrets.token_hex(8)}.part"
         try:
             yield name
-            if _is_folder(folder, parts[-1]):
+            if is_folder(folder, parts[-1]):
                 where = os.path.join(self._target.folder, *parts)
                 raise UsageError(f"{where}: a folder is there, where a file is to be", code=Code.IN_THE_WAY)
             os.rename(name, parts[-1], src_dir_fd=folder, dst_dir_fd=folder)
         finally:
             with contextlib.suppress(OSError):  # it is there when something failed, or was the same file already
                 os.unlink(name, dir_fd=folder)
-
-
-def _open_folder(name: str, above: int, shown: str) -> int:
-    try:
-        return os.open(name, _FOLDER, dir_fd=above)
-    except OSError as error:
-        if error.errno not in (errno.ENOTDIR, errno.ELOOP):
-            raise
-        raise UsageError(f"{shown}: a file or link is there, where a folder is to be", code=Code.IN_THE_WAY) from None
-
-
-def _is_folder(above: int, name: str) -> bool:
-    try:
-        return stat.S_ISDIR(os.stat(name, dir_fd=above, follow_symlinks=False).st_mode)
-    except FileNotFoundError:
-        return False
-
-
-def _like(descriptor: int, header: tarfile.TarInfo) -> None:
-    """Give a file or folder the permissions and the time of its header; never those that act as somebody else."""
-    os.fchmod(descriptor, header.mode & 0o777)
-    with contextlib.suppress(OverflowError, ValueError):  # a time that no file here can have
-        os.utime(descriptor, (header.mtime, header.mtime))
-
-
-def stays_inside(depth: int, link: str) -> bool:
-    """Return whether a link cannot lead out of what is copied, whatever other such links are in it.
-
-    Args:
-        depth: How many folders of the copy lie above the link.
-        link: Where it points to. `..` may only stand at its beginning: behind the name of another link it would lead to
-            wherever that one's target lies.
-    """
-    if link.startswith("/") or not link:
-        return False
-    parts = [part for part in link.split("/") if part not in ("", ".")]
-    up = next((at for at, part in enumerate(parts) if part != ".."), len(parts))
-    return up <= depth and ".." not in parts[up:]

@@ -147,6 +147,20 @@ def test_what_a_container_has_cannot_lead_out_of_the_copy(begun: Begun, tmp_path
     assert (tmp_path / "secret").read_text() == "mine" and sorted(os.listdir(tmp_path)) == ["evil", "secret"]
 
 
+def test_no_name_of_a_container_becomes_that_of_a_file_of_the_user_s(begun: Begun, tmp_path: Path) -> None:
+    """The map that he sends back, by `cp` or by `apply`, would be any file that lies beside it."""
+    maps = tmp_path / "maps"
+    maps.mkdir()
+    (maps / "site.yaml").write_text("mine\n")
+    begun.inside("talker", "mkdir -p /maps && cd /maps && echo new >new.yaml && ln -s site.yaml hall.yaml")
+    copied = begun.run("cp", "talker:/maps/.", str(maps))
+    sent = begun.run("cp", str(maps / "hall.yaml"), "talker:/tmp/hall.yaml")
+    told = begun.inside("talker", "cat /tmp/hall.yaml || echo nothing")
+    assert copied.code == 3 and "left out: hall.yaml: a link to what did not come with it" in copied.err, copied
+    assert sent.code == 5 and told == "nothing\n", sent
+    assert sorted(os.listdir(maps)) == ["new.yaml", "site.yaml"]
+
+
 def test_no_container_puts_variables_beside_the_inventory(begun: Begun, tmp_path: Path) -> None:
     """A robot's variables may name a program, which the next verb would run here, as whoever has the robots' keys."""
     ran = tmp_path / "ran"

@@ -9,6 +9,7 @@ import shutil
 import socket
 import stat
 import tarfile
+import time
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,7 +21,8 @@ from srprov.container_files import InContainer
 from srprov.controller import copied_out
 from srprov.controller.copied import Copied
 from srprov.controller.copied_in import Owner, tar_of
-from srprov.controller.copied_out import Target, stays_inside, unpack
+from srprov.controller.copied_links import Links, stays_inside
+from srprov.controller.copied_out import Target, unpack
 from srprov.controller.copying import InService, copy_into, copy_out, place, raw_into, raw_out
 from srprov.errors import UsageError
 from srprov.record.memory import note_secret_files
@@ -516,7 +518,47 @@ def test_a_second_name_of_a_file_whose_place_a_link_took_leads_nowhere(here: Pat
     )  # fmt: skip
     with pytest.raises(UsageError, match="another name of what is no file"):
         unpack(iter([made]), Target(folder=".", name="copy"), Copied(), preserve=False)
-    assert os.readlink("copy/s/f") == "../outside" and not os.path.lexists("copy/h")
+    assert not os.path.islink("copy/s/f") and not os.path.lexists("copy/h")
+
+
+def test_a_link_leads_to_what_came_with_it_and_to_no_file_of_the_user_s(here: Path) -> None:
+    """By a name of the container's, the user would send it a file that lies beside."""
+    (here / "maps/sites").mkdir(parents=True)
+    for name in ("mine.yaml", "sites/mine.yaml"):
+        (here / "maps" / name).write_text("mine")
+    (here / "maps/old").symlink_to("mine.yaml")
+    made = tar(
+        ("m", DIR, ""), ("m/hall.yaml", SYM, "mine.yaml"), ("m/later", SYM, "not-there-yet"), ("m/all", SYM, "."),
+        ("m/by-folder", SYM, "sites"), ("m/by-link", SYM, "hall.yaml"), ("m/by-two", SYM, "by-folder/new.yaml"),
+        ("m/a", SYM, "b"), ("m/b", SYM, "a"), ("m/old", SYM, "mine.yaml"), ("m/sites", DIR, ""),
+        ("m/sites/up", SYM, "../mine.yaml"), ("m/sites/new.yaml", FILE, "new"), ("m/good", SYM, "latest.yaml"),
+        ("m/latest.yaml", SYM, "sites/new.yaml"), ("m/runs", SYM, "run7"), ("m/run7", DIR, ""),
+    )  # fmt: skip
+    for again in (False, True):
+        copied = Copied()
+        unpack(iter([made]), Target(folder="maps", name=""), copied, preserve=True)
+        links = {str(one.relative_to(here / "maps")) for one in (here / "maps").rglob("*") if one.is_symlink()}
+        assert links == {"old", "good", "latest.yaml", "runs"}, again
+        assert Path("maps/good").read_text() == "new" and (here / "maps/mine.yaml").read_text() == "mine"
+        left = [line.partition(": a link to what did not come with it")[0] for line in copied.left_out]
+        assert left == ["a", "all", "b", "by-folder", "by-link", "by-two", "hall.yaml", "later", "sites/up"]
+
+
+def test_a_file_that_is_there_stays_where_a_link_to_another_one_would_take_its_place(here: Path) -> None:
+    for name in ("hall.yaml", "site.yaml"):
+        (here / name).write_text(name)
+    unpack(iter([tar(("m", DIR, ""), ("m/hall.yaml", SYM, "site.yaml"))]), Target(folder=".", name=""), Copied(),
+           preserve=False)  # fmt: skip
+    assert (here / "hall.yaml").read_text() == "hall.yaml" and not (here / "hall.yaml").is_symlink()
+
+
+def test_links_of_a_long_chain_are_looked_at_in_time() -> None:
+    links = Links()
+    for at in range(100_000):
+        links.add(f"d/{at}", str(at + 1))
+    began = time.monotonic()
+    assert [place for place, _, comes in links.all({"d/100000"}, ()) if comes][:1] == ["d/99960"]
+    assert time.monotonic() - began < 20
 
 
 def test_links_out_devices_and_pipes_are_left_out_and_told(here: Path) -> None:

@@ -1,0 +1,69 @@
+"""Links in a copy from a container: those that come lead to what came in the same copy, never to what was here before.
+
+Takes places as names from the user's folder on, joined by `/`; gives the links that come. Pure. A link to a file of the
+user's own beside it would make a name that the container chose another one of that file, and whoever is sent what lies
+under this name would have it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+
+_MOST_LINKS = 40
+"""One after the other, as for the kernel."""
+
+
+class Links:
+    """The links of one copy."""
+
+    def __init__(self) -> None:
+        self._leads: dict[str, tuple[str, str]] = {}
+        """Place of a link -> what it says, and the place that this is."""
+
+    def __contains__(self, place: str) -> bool:
+        return place in self._leads
+
+    def add(self, place: str, link: str) -> None:
+        """Note a link that stays inside of what is copied; see `stays_inside`."""
+        parts = place.split("/")[:-1]
+        for part in link.split("/"):
+            if part == "..":
+                parts.pop()
+            elif part not in ("", "."):
+                parts.append(part)
+        self._leads[place] = link, "/".join(parts)
+
+    def all(self, came: Collection[str], made: Collection[str]) -> Iterator[tuple[str, str, bool]]:
+        """Yield each link's place, what it says, and whether it comes.
+
+        Args:
+            came: Files of this copy. A link has to name one of them, a folder or a further link as it is: behind the
+                name of a link, which may not come itself, something of the user's could lie.
+            made: Folders that this copy made; one that was here has files of the user's.
+        """
+        for place, (link, _) in sorted(self._leads.items()):
+            end = self._end(place)
+            yield place, link, end in came or end in made
+
+    def _end(self, place: str) -> str:
+        """Return where a link leads by way of others, which then all lead there; of too many, where it goes on."""
+        for _ in range(_MOST_LINKS):
+            if place not in self._leads:
+                break
+            place = self._leads[place][1]
+        return place if place not in self._leads else ""
+
+
+def stays_inside(depth: int, link: str) -> bool:
+    """Return whether a link cannot lead out of what is copied, whatever other such links are in it.
+
+    Args:
+        depth: How many folders of the copy lie above the link.
+        link: Where it points to. `..` may only stand at its beginning: behind the name of another link it would lead to
+            wherever that one's target lies.
+    """
+    if link.startswith("/") or not link:
+        return False
+    parts = [part for part in link.split("/") if part not in ("", ".")]
+    up = next((at for at, part in enumerate(parts) if part != ".."), len(parts))
+    return up <= depth and ".." not in parts[up:]
