@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from srprov.controller.copied_in import Owner
     from srprov.controller.copying import InService
     from srprov.controller.located import Located
+    from srprov.definitions.model import Experiment
     from srprov.session import Session
 
 _PIECE = 1 << 20
@@ -63,7 +64,7 @@ def cp(
     Exits with 0; with 3 when something was left out: links to what did not come, devices, pipes, sockets, repositories;
     with 4 when the robot is lost.
     """
-    from srprov.controller.copying import place
+    from srprov.controller.copying import made_from, place
 
     here, there = place(source), place(destination)
     service = here if not isinstance(here, str) else there
@@ -74,11 +75,14 @@ def cp(
         raise UsageError(
             "a tar is nothing for a terminal", hint="let it go into a file or a program: | tar t", code=Code.OPTIONS
         )
-    with _located(file, service.service, inventories, forks, timeout, instance) as (session, where):
+    read = inputs.definitions_if_valid(file)
+    experiment = read.experiment if read else None
+    with _located(file, service.service, inventories, forks, timeout, instance, experiment) as (session, where):
         container = where.container
         if isinstance(there, str):
             assert not isinstance(here, str)
-            return _out(session, container, here, there, preserve=preserve, believed=(file, *inventories))
+            believed = (file, *inventories, *(made_from(read) if read else ()))
+            return _out(session, container, here, there, preserve=preserve, believed=believed)
         assert isinstance(here, str)
         from srprov.controller.copied_in import Owner
 
@@ -87,8 +91,9 @@ def cp(
 
 @contextmanager
 def _located(
-    file: str, service: str, inventories: tuple[str, ...], forks: int, timeout: float, instance: str
-) -> Iterator[tuple[Session, Located]]:
+    file: str, service: str, inventories: tuple[str, ...], forks: int, timeout: float, instance: str,
+    experiment: Experiment | None,
+) -> Iterator[tuple[Session, Located]]:  # fmt: skip
     """Find the one container that is meant, and give the session with its robot."""
     from srprov.controller.located import locate
     from srprov.controller.sent_to import trusted
@@ -96,7 +101,6 @@ def _located(
 
     inventory = inputs.load_inventory(inventories)
     name = inputs.named_instance(file, instance)[0]
-    experiment = inputs.experiment_if_valid(file)
     with inputs.connect(inventory, timeout, forks) as fleet:
         where = trusted(locate(fleet.gather(Detail.BASIC), name, experiment), service)
         session = fleet.sessions.get(where.host)  # of a robot that is out of reach nothing was found

@@ -20,7 +20,7 @@ from srprov.controller.copied_in import Owner, tar_of
 from srprov.controller.copied_out import Target, unpack
 from srprov.controller.copied_raw import passed_on
 from srprov.definitions.homes import homes_in
-from srprov.definitions.model import VERSION_CONTROL_IN_ANY_CASE
+from srprov.definitions.model import VERSION_CONTROL_IN_ANY_CASE, Definitions
 from srprov.definitions.paths import inside, refuse_link_out
 from srprov.errors import UsageError
 from srprov.regular_file import VARIABLES
@@ -81,7 +81,7 @@ def copy_out(
         target: Where it goes, as the user says it.
         copied: Is told what was done.
         preserve: Keep permissions and times.
-        believed: Files that this very command was told to go by, such as the inventory.
+        believed: Files that this very command goes by: the inventory, the EDF, and what that is made from.
 
     Raises:
         UsageError: It is not there, or the target cannot take it.
@@ -98,7 +98,8 @@ def _refuse_beside_own(target: Target, believed: Collection[str]) -> None:
     """Refuse a folder in which names that a container chooses would lie among what the user's programs go by.
 
     Variables beside an inventory name programs, and so do settings in the folder in which somebody works, and in a
-    home. So it is with what is added to these variables, to a folder of inventories, or to what version control keeps.
+    home. CDFs say what runs, also on other robots, and secrets' files what only these should know. So it is with what
+    is added to these variables, to a folder of inventories, or to what version control keeps.
     Whether a folder or a file comes is the engine's word, so it does not count here.
 
     Raises:
@@ -116,6 +117,16 @@ def _refuse_beside_own(target: Target, believed: Collection[str]) -> None:
             hint="copy it into a folder of its own",
             code=Code.IN_THE_WAY,
         )
+
+
+def made_from(definitions: Definitions) -> list[str]:
+    """Return the files that say what an experiment is: definitions, Dockerfiles, variables, secrets; not what it ships.
+
+    What is shipped is what people bring from a robot.
+    """
+    experiment, containers = definitions.experiment, definitions.containers
+    every = {*experiment.files, *containers, *(one.dockerfile for one in containers.values())}
+    return sorted({*every, *(one.file for one in experiment.secrets.values())} - {""})
 
 
 def _read_whole(believed: Collection[str]) -> Iterator[str]:

@@ -175,6 +175,20 @@ def test_no_container_puts_variables_beside_the_inventory(begun: Begun, tmp_path
     assert (tmp_path / "new/group_vars/all.yml").read_text() == f"{command}\n"
 
 
+def test_no_container_puts_definitions_in_the_place_of_the_experiment_s(begun: Begun, tmp_path: Path) -> None:
+    """What runs on other robots, with their secrets, would be what this one's container says."""
+    name = yaml.safe_load((begun.folder / "experiment.edf").read_text())["name"]
+    (tmp_path / "nav").mkdir()
+    (tmp_path / "nav/nav.cdf").write_text("cdf: 1\nname: nav\nbase: busybox\ncommand: nav\n")
+    (tmp_path / "e.edf").write_text(f"edf: 1\nname: {name}\nservices: {{talker: {{cdf: nav/nav.cdf}}}}\n")
+    begun.inside("talker", "mkdir -p /config && cd /config && touch nav.cdf params.yaml")
+    command = ("cp", str(tmp_path / "e.edf"), "-i", begun.inventory, "talker:/config/.")
+    copied = begun.lab.srprov(*command, str(tmp_path / "nav"))
+    assert copied.code == 5 and "nav.cdf: what a container has could name programs there" in copied.err, copied
+    assert begun.lab.srprov(*command, str(tmp_path / "nav/config")).code == 0
+    assert (tmp_path / "nav/nav.cdf").stat().st_size
+
+
 def test_a_copy_that_is_interrupted_leaves_no_half_file(begun: Begun, tmp_path: Path) -> None:
     begun.inside("talker", "truncate -s 4G /large")  # takes no room there
     (tmp_path / "large").write_text("before")

@@ -22,10 +22,10 @@ def test_a_robot_out_of_reach_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         raise ConnectError(host, "no answer")
 
     fleet = SimpleNamespace(gather=lambda _: None, sessions=SimpleNamespace(get=get))
-    for name, given in (("load_inventory", None), ("named_instance", ("closed",)), ("experiment_if_valid", None)):
+    for name, given in (("load_inventory", None), ("named_instance", ("closed",))):
         monkeypatch.setattr(inputs, name, lambda *_, given=given: given)
     monkeypatch.setattr(inputs, "connect", lambda *_: nullcontext(fleet))
     monkeypatch.setattr(located, "locate", lambda *_: None)
     monkeypatch.setattr(sent_to, "trusted", lambda *_: AWAY)
-    with pytest.raises(ConnectError, match="no answer"), cp._located("a.edf", "s2", (), 1, 1.0, ""):
+    with pytest.raises(ConnectError, match="no answer"), cp._located("a.edf", "s2", (), 1, 1.0, "", None):
         pass

@@ -23,7 +23,8 @@ from srprov.controller.copied import Copied
 from srprov.controller.copied_in import Owner, tar_of
 from srprov.controller.copied_links import Links, stays_inside
 from srprov.controller.copied_out import Target, unpack
-from srprov.controller.copying import InService, copy_into, copy_out, place, raw_into, raw_out
+from srprov.controller.copying import InService, copy_into, copy_out, made_from, place, raw_into, raw_out
+from srprov.definitions import load_experiment
 from srprov.errors import UsageError
 from srprov.record.memory import note_secret_files
 from srprov.transport import tar_stream
@@ -191,6 +192,31 @@ def test_no_name_that_a_container_chooses_lies_where_the_user_s_programs_look(
     for target in ("new", "../new", "../robots"):
         out(engine, "s:/out/.", target, believed=(linked,) if target != "../robots" else ())
     assert {"lab/work/new/a.txt", "lab/new/a.txt", "lab/robots/a.txt"} <= tree(mine).keys()
+
+
+def test_no_name_that_a_container_chooses_lies_where_the_experiment_is_defined(engine: Engine, here: Path) -> None:
+    """A CDF says what runs on other robots, too; a secret's file what only these should know."""
+    for name in ("nav", "base", "image", "keys", "set", "maps"):
+        (here / name).mkdir()
+    (here / "maps/hall.yaml").write_text("hall")
+    (here / "keys/token").write_text("a-decoy-token")
+    (here / "set/nav.env").write_text("A=1\n")
+    (here / "image/Dockerfile").write_text("FROM busybox\n")
+    (here / "base/ros.cdf").write_text("cdf: 1\nname: ros\nbase: busybox\n")
+    (here / "nav/nav.cdf").write_text("cdf: 1\nname: nav\nextends: ../base/ros.cdf\ncommand: nav\n")
+    (here / "image/made.cdf").write_text("cdf: 1\nname: made\ndockerfile: Dockerfile\n")
+    (here / "e.edf").write_text(
+        "edf: 1\nname: e\nsecrets: {token: {file: keys/token}}\nservices:\n  nav: {cdf: nav/nav.cdf, secrets: [token], "
+        "env_file: set/nav.env, volumes: ['./maps:/maps:ro']}\n  made: {cdf: image/made.cdf}\n"
+    )
+    believed = made_from(load_experiment("e.edf"))
+    for target in ("nav", "base", "image", "keys", "set"):
+        with pytest.raises(UsageError, match="what a container has could name programs there"):
+            out(engine, "s:/out/.", target, believed=believed)
+    for target in ("maps", "nav/config"):
+        out(engine, "s:/out/.", target, believed=believed)
+    out(engine, "s:/out", "nav", believed=believed)
+    assert {"maps/a.txt", "nav/config/a.txt", "nav/out/a.txt"} <= tree(here).keys()
 
 
 @pytest.mark.parametrize(("word", "target"), [("s:/x/.git", "."), ("s:/x/.git/config", ".git"), ("s:/x", "link/new")])
