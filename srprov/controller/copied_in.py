@@ -25,7 +25,10 @@ from srprov.errors import UsageError
 _BLOCK = 512
 _PIECE = 1 << 20
 _CHANGED = "it changed while it was read"
-_OWN = "a file of your own that you did not name: a secret's, a key, an inventory's or version control's"
+_OWN = (
+    "a file of your own that you did not name: a secret's, a key, an inventory's or version control's; or a copy "
+    "of its own is needed, as it has another name elsewhere (a hard link)"
+)
 
 
 class Owner(msgspec.Struct, frozen=True):
@@ -45,7 +48,7 @@ class _Named:
         """Take the path as it was named."""
         link = next(regular_file.links_in(path), "")
         self._linked, self._path, self.real = bool(link), path, os.path.realpath(path)
-        self._root = os.path.realpath(os.path.dirname(link or path))
+        self._root = self.real if not link and os.path.isdir(path) else os.path.realpath(os.path.dirname(link or path))
         self._secrets = functools.cache(secret_files.known)  # for all files below, and only where one is asked for
 
     def means(self, file: str, about: os.stat_result) -> bool:

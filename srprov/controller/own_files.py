@@ -1,6 +1,6 @@
 """Files of the user's own that lie beside an EDF: those with passwords of robots, their keys, and files of secrets.
 
-A file that version control keeps is one, too, by a second name that an archive gave it when it was unpacked there.
+Any file of the user's is one, too, by a second name that an archive gave it when it was unpacked there.
 
 An inventory often lies there, and an EDF or a CDF of a stranger may ship the whole folder. Takes definitions and the
 inventory; gives definitions that ask for each such file that would leave this machine, and for copies of the
@@ -25,7 +25,9 @@ from srprov.controller.permissions import permit_planning
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.model import Definitions, Inventory, Service
 from srprov.definitions.own_content import LARGEST, is_own
-from srprov.definitions.version_control import has_further_names, with_further_names
+from srprov.definitions.paths import inside
+from srprov.definitions.taken import in_words
+from srprov.definitions.version_control import is_from_elsewhere, names_in
 from srprov.images.context import folder_items
 from srprov.planning.policy import permissions
 
@@ -43,12 +45,14 @@ def asked_for(definitions: Definitions, inventory: Inventory) -> Definitions:
     own = _Own({*inventory.own_files, *secrets}, inventory.own_files, os.path.realpath(experiment.folder))
     found = {(_ANYBODY, path) for path in map(os.path.realpath, experiment.files) if own.has(path)}
     for service in experiment.services.values():
+        files = (experiment.secrets[use.source].file for use in service.secrets)
+        found |= {(service.name, path) for path in files if path and own.is_from_elsewhere(path)}
         cdf = definitions.containers.get(service.cdf)
         found |= {(service.name, path) for top in _tops(service, cdf) for path in own.below(top)}
         if cdf and cdf.dockerfile:
             context = cdf.context or os.path.dirname(cdf.dockerfile)
             found |= {(service.name, path) for path in own.in_context(context)}
-    outside = tuple(sorted({*experiment.outside, *found}))
+    outside = tuple(sorted({*experiment.outside, *((name, in_words(path)) for name, path in found)}))
     return replace(definitions, experiment=replace(experiment, outside=outside))
 
 
@@ -78,7 +82,7 @@ class _Own:
         """Take real paths, which of them may be read, and the experiment's folder."""
         self.paths = paths
         self._files = regular_file.identities(paths)
-        self._kept = functools.cache(functools.partial(with_further_names, folder))
+        self._folder, self._names = folder, functools.cache(names_in)
         self._contents: dict[int, set[bytes]] = {}
         for path in read:
             with contextlib.suppress(OSError):  # who needs it says so
@@ -94,11 +98,17 @@ class _Own:
         with contextlib.suppress(OSError):
             about = os.lstat(path)
             known = (about.st_dev, about.st_ino)
-            if known in self._files or (has_further_names(about) and known in self._kept()):
+            if known in self._files or is_from_elsewhere(about, self._folder, self._names):
                 return True
             if 0 < (size := about.st_size) <= LARGEST:
                 content = regular_file.read(path, size)
                 return content in self._contents.get(size, ()) or is_own(content)
+        return False
+
+    def is_from_elsewhere(self, path: str) -> bool:
+        """Return whether a file lies in the experiment's folder, and has another name that does not."""
+        with contextlib.suppress(OSError):  # it is told when it is read
+            return inside(path, self._folder) and is_from_elsewhere(os.lstat(path), self._folder, self._names)
         return False
 
     def _below(self, top: str) -> tuple[str, ...]:

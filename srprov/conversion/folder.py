@@ -25,7 +25,7 @@ from srprov.conversion.tree import Tree
 from srprov.conversion.withheld import is_withheld
 from srprov.definitions import check_files
 from srprov.definitions.model import VERSION_CONTROL
-from srprov.definitions.version_control import has_further_names, with_further_names
+from srprov.definitions.version_control import ELSEWHERE, is_from_elsewhere, names_in
 from srprov.errors import Diagnostic, UsageError
 from srprov.importing.normal import Refused
 from srprov.yamldoc import writer
@@ -102,9 +102,8 @@ def _fill(draft: Draft, place: str, passed_over: tuple[str, ...], files: Sequenc
             copying.take(source, below)
         except OSError as error:
             which = error.filename or source
-            raise UsageError(
-                f"cannot copy {which}: {error.strerror}", hint="leave it out, or make it an image's", code=Code.NO_FILE
-            ) from error
+            hint = "leave it out, or make it an image's; of a hard link make a copy"
+            raise UsageError(f"cannot copy {which}: {error.strerror}", hint=hint, code=Code.NO_FILE) from error
     for below, text in draft.texts.items():
         tree.write(below, text.encode("utf-8", "replace"))
     names = ", ".join(os.path.basename(one) for one in files)
@@ -127,7 +126,7 @@ class _Copying:
         self.passed_over = passed_over
         self.folders = folders
         """Of the files that are imported."""
-        self.kept = functools.cache(with_further_names)
+        self.names = functools.cache(names_in)
         self.bytes = 0
         self.files = 0
 
@@ -163,9 +162,10 @@ class _Copying:
             raise OSError(0, f"more than {_MOST_FILES} files would be copied")
         content, about = regular_file.read_with_status(source, _MOST_BYTES, real=True)
         known = (about.st_dev, about.st_ino)
-        is_kept = has_further_names(about) and any(known in self.kept(one) for one in self.folders)
-        if is_kept or known in self.known:
+        if known in self.known:
             return  # the same file as one that is never copied
+        if all(is_from_elsewhere(about, one, self.names) for one in self.folders):
+            raise OSError(errno.EXDEV, ELSEWHERE, source)  # once it is copied, nobody knows it again
         self.bytes += len(content)
         if self.bytes > _MOST_BYTES:
             raise OSError(0, f"more than {_MOST_BYTES // regular_file.MIB} MiB would be copied")

@@ -94,7 +94,8 @@ def _load(path: str, environ: Mapping[str, str], fetch: Fetch | None) -> Definit
             files=files,
             contents=MappingProxyType(contents),
             outside=tuple(sorted({*experiment.outside, *elsewhere})),
-            read_outside=frozenset(map(os.path.realpath, files)) & {path for _, path in experiment.outside},
+            read_outside=frozenset(taken.in_words(os.path.realpath(one)) for one in files)
+            & {path for _, path in experiment.outside},
         ),
         containers=MappingProxyType({key: one.definition for key, one in sorted(read.by_path.items())}),
         unsupported=tuple(sorted(paths.hide_outside(unsupported.problems, folder))),

@@ -113,7 +113,8 @@ def hide_outside(problems: Collection[Diagnostic], *folders: str) -> list[Diagno
             shown.append(one)
         else:
             where = f"outside of {_name(folders[0])}"
-            where = "that version control keeps" if any(inside(file, one) for one in folders) else where
+            own = "that version control keeps, or that has another name elsewhere (a hard link)"
+            where = own if any(inside(file, one) for one in folders) else where
             message = f"is not valid; what is wrong is not shown of a file {where}"
             hint = f"see `srprov validate {shlex.quote(os.path.realpath(file))}`, or copy it into the folder"
             shown.append(Diagnostic(Location(one.location.file), message, hint=hint, code=Code.OUTSIDE))

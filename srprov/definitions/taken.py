@@ -14,6 +14,7 @@ from srprov.definitions.container import Container
 from srprov.definitions.merging import FROM_CONTROLLER
 from srprov.definitions.model import Service
 from srprov.definitions.paths import belongs, inside
+from srprov.definitions.version_control import ELSEWHERE, has_further_names
 from srprov.git_address import parse_address
 from srprov.secret import Secret, Vault
 from srprov.yamldoc.nodes import Map
@@ -76,7 +77,15 @@ def _local_repositories(container: Container | None) -> Iterator[str]:
 
 def _named(path: str) -> str:
     real = os.path.realpath(path)
-    return f"{real}/" if os.path.isdir(real) else real
+    return f"{real}/" if os.path.isdir(real) else in_words(real)
+
+
+def in_words(path: str) -> str:
+    """Return a path, and of a file with several names that it has them: the one in the folder may be a stranger's."""
+    with contextlib.suppress(OSError, ValueError):  # who reads it says so
+        if has_further_names(os.lstat(path)):
+            return f"{path}: {ELSEWHERE}"
+    return path
 
 
 def environment(layer: Map | None) -> tuple[str, ...]:

@@ -1,27 +1,32 @@
-"""What version control keeps in a folder: the addresses of clones, with tokens, and what else is its user's.
+"""What lies in a folder and is not its own: what version control keeps there, and what has a name elsewhere, too.
 
-Takes paths without links; tells whether one lies there, by whatever name. Looks at the file system.
+Version control keeps the addresses of clones, with tokens, and what else is its user's. An archive gives any file of
+its user's a second name (a hard link) where it is unpacked. Takes paths without links; looks at the file system.
 """
 
 from __future__ import annotations
 
-import itertools
 import os
 import stat
-from collections.abc import Iterator
-from pathlib import Path
+from collections import Counter
+from collections.abc import Callable, Mapping
+from typing import TypeAlias
 
 from srprov import regular_file
+from srprov.definitions.homes import homes_in
 from srprov.definitions.model import VERSION_CONTROL, VERSION_CONTROL_IN_ANY_CASE
 from srprov.yamldoc.allowance import current
 
+Names: TypeAlias = Mapping[tuple[int, int], int]
+"""A file that has several, as the kernel knows it -> how many of them are in a folder."""
+ELSEWHERE = "it has another name, elsewhere (a hard link)"
+
 
 def is_kept(real: str, root: str) -> bool:
-    """Return whether a path lies in a folder of version control's, below `root`, or is one.
+    """Return whether a path lies in a folder of version control's, below `root`, or is one, or is from elsewhere.
 
     A disk may have further names for a file than the one that it lists: in any case, `GIT~1` on those of Windows, or
-    with letters that do not count. So it is also told by what it is, and so is a file that an archive, unpacked there,
-    gave a second name (a hard link).
+    with letters that do not count. So it is also told by what it is.
     """
     at = root
     for part in os.path.relpath(real, root).split(os.sep):
@@ -34,7 +39,7 @@ def is_kept(real: str, root: str) -> bool:
         about = os.lstat(real)
     except (OSError, ValueError):  # who reads it says so
         return False
-    return has_further_names(about) and (about.st_dev, about.st_ino) in with_further_names(root)
+    return is_from_elsewhere(about, root)
 
 
 def has_further_names(about: os.stat_result) -> bool:
@@ -42,33 +47,39 @@ def has_further_names(about: os.stat_result) -> bool:
     return stat.S_ISREG(about.st_mode) and about.st_nlink > 1
 
 
-def with_further_names(root: str) -> frozenset[tuple[int, int]]:
-    """Return, as the kernel knows them, those files with several names that version control keeps below or above."""
+def is_from_elsewhere(about: os.stat_result, root: str, names: Callable[[str], Names] | None = None) -> bool:
+    """Return whether a file has a name that is not in a folder, or that version control keeps there.
+
+    An archive may have given it the one in the folder. Nobody can know where its other names are, only how many.
+    `names` are those of a folder, where they are known already.
+    """
+    known = (about.st_dev, about.st_ino)
+    return has_further_names(about) and about.st_nlink > (names or names_in)(root).get(known, 0)
+
+
+def names_in(root: str) -> Names:
+    """Return how many names each file with several has in a folder, without what version control keeps there.
+
+    Files are known as the kernel knows them. One that is not there has none. In a folder that is a home, or holds one,
+    no name is its own: what an archive that was unpacked there gave another one lies there, too.
+    """
     left = current.get()
-    known = left.kept if left else {}
+    known = left.names if left else {}
     if root not in known:
-        known[root] = frozenset(
-            (about.st_dev, about.st_ino) for about in map(_status, _files(root)) if about and has_further_names(about)
-        )
+        known[root] = found = Counter[tuple[int, int]]()
+        for parent, folders, files in () if homes_in(root) else regular_file.walk(root):
+            folders[:] = [one for one in folders if one.casefold() not in VERSION_CONTROL_IN_ANY_CASE]
+            own = (one for one in files if one.casefold() not in VERSION_CONTROL_IN_ANY_CASE)
+            for about in (_status(os.path.join(parent, one)) for one in own):
+                if about and has_further_names(about):
+                    found[about.st_dev, about.st_ino] += 1
     return known[root]
-
-
-def _files(root: str) -> Iterator[str]:
-    """Return the paths of all files that version control keeps in a folder, at any depth, and in those above it."""
-    tops = [str(above / name) for above in Path(root).parents for name in VERSION_CONTROL]
-    for parent, folders, files in regular_file.walk(root):
-        kept = [one for one in (*folders, *files) if one.casefold() in VERSION_CONTROL_IN_ANY_CASE]
-        tops += [os.path.join(parent, one) for one in kept]
-        folders[:] = [one for one in folders if one not in kept]
-    for top in filter(os.path.lexists, tops):
-        below = ((parent, files) for parent, _, files in regular_file.walk(top))
-        yield from itertools.chain([top], (os.path.join(parent, one) for parent, files in below for one in files))
 
 
 def _status(path: str) -> os.stat_result | None:
     try:
         return os.lstat(path)
-    except OSError:  # it is gone, or nobody may look: then nothing of it is shipped
+    except OSError:  # it is gone
         return None
 
 

@@ -35,8 +35,8 @@ def check_named(files: Sequence[str]) -> None:
     for one in files:
         path = os.path.abspath(one)
         around = next(folder for folder in folders if path.startswith(f"{folder.rstrip('/')}/"))
-        # an archive may have given a file of a repository's another name
+        # an archive may have given a file of the user's another name
         if link_out(one) or not inside(path, around) or is_kept(os.path.realpath(path), os.path.realpath(around)):
             message = "it leads out of the folder in which it is named, or into a repository, and is not read"
-            hint = f"if you mean what it leads to, name that: {os.path.realpath(path)}"
+            hint = f"if you mean what it leads to, name that: {os.path.realpath(path)}; copy a hard link"
             raise Refused([Diagnostic(Position(one), message, hint=hint, code=Code.OUTSIDE)])

@@ -7,6 +7,7 @@ are named, maybe a thousand times each, is kept with them, and so is what was re
 from __future__ import annotations
 
 import builtins
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -25,8 +26,8 @@ class Allowance:
     """In folders that are walked through: so many may be shipped (`disk.py`)."""
     walked: dict[tuple[str, str], str] = field(default_factory=dict)
     """Folder, and what no link in it may leave -> what is wrong with it."""
-    kept: dict[str, frozenset[tuple[int, int]]] = field(default_factory=dict)
-    """Folder -> files of version control's in and above it that have further names, as the kernel knows them."""
+    names: dict[str, Counter[tuple[int, int]]] = field(default_factory=dict)
+    """Folder -> files in it that have several names, as the kernel knows them, and how many of these are there."""
     contents: dict[str, builtins.bytes] = field(default_factory=dict)
     """Path -> what was read there: whoever needs it later must not read what others put there since."""
 

@@ -109,20 +109,25 @@ def test_no_token_of_a_clone_is_shipped_whatever_the_project_is_called(lab: Lab,
     assert VALUE not in recorded
 
 
-def test_no_token_of_a_clone_is_shipped_by_a_name_that_an_archive_gave_it(lab: Lab, tmp_path: Path) -> None:
-    """Maps that are to be unpacked in the clone; one is a hard link to what says where that came from."""
+def test_no_file_from_elsewhere_is_shipped_by_a_name_that_an_archive_gave_it(lab: Lab, tmp_path: Path) -> None:
+    """Maps that are to be unpacked above the clone: hard links to what says where that came from, and to a password."""
     inventory = part_of_lab(lab, [ROBOT], tmp_path / "lab.yml")
     path = tmp_path / "nav" / "maps.edf"
     (path.parent / ".git").mkdir(parents=True)
     (path.parent / ".git" / "config").write_text(f"url = https://me:{VALUE}@example.com/nav\n", encoding="utf-8")
+    (tmp_path / ".aws").mkdir()
+    (tmp_path / ".aws" / "credentials").write_text(VALUE, encoding="utf-8")
     with tarfile.open(tmp_path / "maps.tar", "w") as tar:
-        link = tarfile.TarInfo("maps/floor")
-        link.type, link.linkname = tarfile.LNKTYPE, ".git/config"
-        tar.addfile(link)
-    subprocess.run(["tar", "xf", str(tmp_path / "maps.tar")], cwd=path.parent, check=True)
+        for name, other in (("floor", "nav/.git/config"), ("walls", ".aws/credentials")):
+            link = tarfile.TarInfo(f"nav/maps/{name}")
+            link.type, link.linkname = tarfile.LNKTYPE, other
+            tar.addfile(link)
+    subprocess.run(["tar", "xf", str(tmp_path / "maps.tar")], cwd=tmp_path, check=True)
     path.write_text(edf("maps", {"a": busybox(volumes=["./maps:/maps"])}), encoding="utf-8")
     refused = lab.srprov("apply", str(path), "-i", inventory, "--yes")
-    assert refused.code == 9 and f"a: outside ({path.parent}/maps/floor)" in refused.err, refused
+    assert refused.code == 9, refused
+    for name in ("floor", "walls"):
+        assert f"a: outside ({path.parent}/maps/{name}: it has another name, elsewhere (a hard link))" in refused.err
     assert lab.leftovers(ROBOT) == NOTHING
 
 

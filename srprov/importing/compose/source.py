@@ -55,7 +55,8 @@ class Reading:
         """
         real = os.path.realpath(path)
         if not any(belongs(real, root) for root in self.roots):
-            message = f"'{named.data}' lies outside of the project's folder, or in .git or the like, and is not read"
+            where = "outside of the project's folder, in .git or the like, or elsewhere by another name (a hard link)"
+            message = f"'{named.data}' lies {where}, and is not read"
             raise Refused(
                 [Diagnostic(named.at, message, hint="copy it into the folder of the Compose file", code=Code.OUTSIDE)]
             )

@@ -460,6 +460,10 @@ def test_a_second_name_that_an_archive_gave_a_file_of_the_users_own_is_left_out(
     for name, other in {"a": ".git/config", "b": "conf/inventory.yml", "c": "keys/token", "d": "map.pgm"}.items():
         os.link(clone / other, clone / name)
     assert [sent(name) for name in "abcd"] == [([], 1), ([], 1), ([], 1), (["x"], 0)]
+    (clone.parent / "credentials").write_text("a key")
+    (clone / "more").mkdir()
+    os.link(clone.parent / "credentials", clone / "more/e")
+    assert [sent(name) for name in ("more/e", "more", "../credentials")] == [([], 1), ([], 1), (["x"], 0)]
     # a clone of a folder shares files of its `.git` with that
     assert sent(".git") == (["x/config"], 0)
 

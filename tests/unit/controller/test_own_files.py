@@ -27,7 +27,7 @@ from srprov.controller.own_files import asked_for, permit_copies
 from srprov.controller.plan import make_plan
 from srprov.controller.request import PlanRequest
 from srprov.controller.secrets import read_secrets
-from srprov.definitions import load_experiment, load_inventory
+from srprov.definitions import load_experiment, load_inventory, version_control
 from srprov.definitions.lockfile import Lock
 from srprov.definitions.model import Inventory
 from srprov.errors import RefusedError
@@ -54,7 +54,8 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 def asked(inventory: str = "inventory.yml") -> list[tuple[str, str]]:
     """Return service -> file, from the folder, of all that is asked for as `outside`."""
     made = asked_for(load_experiment("e.edf"), load_inventory([inventory]))
-    return [(service, str(Path(path).relative_to(Path.cwd()))) for service, path in made.experiment.outside]
+    paths = ((service, what.partition(": it has another name")[0]) for service, what in made.experiment.outside)
+    return [(service, str(Path(path).relative_to(Path.cwd()))) for service, path in paths]
 
 
 @pytest.mark.parametrize(
@@ -86,11 +87,13 @@ def test_an_inventory_with_a_password_is_shipped_by_nobody_unasked(here: Path, s
         "cdf: b.cdf",
     ],
 )
-@pytest.mark.parametrize("kept", [".git/config", "../.git/config", "parts/nav/_darcs/prefs/defaultrepo"])
-def test_what_version_control_keeps_is_known_by_a_name_that_an_archive_gave_it(
+@pytest.mark.parametrize(
+    "kept", [".git/config", "../.git/config", "parts/nav/_darcs/prefs/defaultrepo", "../.aws/credentials"]
+)
+def test_a_file_that_lies_elsewhere_is_known_by_a_name_that_an_archive_gave_it(
     here: Path, ships: str, kept: str
 ) -> None:
-    """Maps of a stranger's, to be unpacked in the clone: one of them is a hard link to the clone's address."""
+    """Maps of a stranger's, to be unpacked in the clone or in the user's home: one of them is a hard link."""
     Path(kept).parent.mkdir(parents=True)
     Path(kept).write_text("url=https://me:token@lab.example/nav\n")
     Path("maps").mkdir()
@@ -104,6 +107,31 @@ def test_what_version_control_keeps_is_known_by_a_name_that_an_archive_gave_it(
     Path("e.edf").write_text(edf.replace("image: busybox, cdf", "cdf"))
     Path("inventory.yml").write_text("all: {hosts: {r1: {ansible_host: 192.0.2.1}}}\n")
     assert ("a", "maps/floor") in asked() and {path for _, path in asked()} == {"maps/floor"}
+    with pytest.raises(RefusedError, match=r"maps/floor: it has another name, elsewhere \(a hard link\)"):
+        permit_copies(load_experiment("e.edf"), ())
+
+
+def test_the_file_of_a_secret_is_no_other_one_by_a_name_that_an_archive_gave_it(here: Path) -> None:
+    """The plan shows the name in the folder."""
+    Path("../token").write_text("a token")
+    Path("e.edf").write_text(
+        "edf: 1\nname: nav\nservices: {a: {image: x, secrets: [t]}}\nsecrets: {t: {file: parts/t}}\n"
+    )
+    Path("parts/t").write_text("a token")
+    assert asked() == []
+    Path("parts/t").unlink()
+    os.link("../token", "parts/t")
+    assert asked() == [("a", "parts/t")]
+
+
+def test_in_a_home_no_other_name_of_a_file_is_the_folder_s_own(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What an archive that was unpacked there leads to lies there, too."""
+    Path("parts/a").write_text("a")
+    os.link("parts/a", "parts/b")
+    names = version_control.names_in(str(here))
+    assert not version_control.is_from_elsewhere(os.lstat("parts/a"), str(here)) and list(names.values()) == [2]
+    monkeypatch.setenv("HOME", str(here / "parts"))
+    assert version_control.is_from_elsewhere(os.lstat("parts/a"), str(here))
 
 
 def test_a_copy_of_it_is_known_by_what_is_in_it(here: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from srprov.cli.main import run
 from srprov.definitions import check_files, homes, load_experiment, load_inventory
+from srprov.definitions.version_control import ELSEWHERE
 from srprov.errors import DefinitionError
 from srprov.planning.policy import permissions
 from srprov.record.memory import note_secret_files
@@ -188,7 +189,7 @@ def test_what_version_control_keeps_is_known_by_another_name_that_a_disk_has_for
     exp = here / "exp"
     (exp / ".git").write_text("gitdir: /home/me/x/.git/worktrees/y\n")
     os.link(exp / ".git", exp / "GIT~1")
-    assert asked(edf(here, "{image: busybox, volumes: ['./GIT~1:/g']}")) == {("outside", f"{exp}/GIT~1")}
+    assert asked(edf(here, "{image: busybox, volumes: ['./GIT~1:/g']}")) == {("outside", f"{exp}/GIT~1: {ELSEWHERE}")}
 
 
 def test_an_env_file_is_judged_by_the_path_by_which_it_is_read(here: Path) -> None:
