@@ -11,6 +11,7 @@ from pathlib import Path
 
 from srprov import believed, private
 from srprov.codes import Code
+from srprov.definitions.version_control import has_further_names
 from srprov.errors import RefusedError, UsageError
 from srprov.record import default_root
 from srprov.whose import others_may_write
@@ -86,27 +87,33 @@ def check_own(folder: Path, inside: Sequence[str] = ("trials",)) -> None:
                 f"{one} is a link, somebody else's, or writable by others", hint=hint, code=Code.STRANGE_FILE
             )
     try:
-        link = next(_links(folder), None)
+        link = next(_links(folder), "")
     except OSError as error:
         raise UsageError(
             f"{error.filename}: {error.strerror}", hint="name a folder that srprov made", code=Code.NO_FILE
         ) from None
     if link:
         raise RefusedError(
-            f"{link} is a link, and srprov makes none", hint="remove it, or name another folder", code=Code.STRANGE_FILE
+            f"{link}, and srprov makes none", hint="remove it, or name another folder", code=Code.STRANGE_FILE
         )
 
 
 def _links(folder: Path) -> Iterator[str]:
-    """Return what is a symbolic link below a folder, at any depth."""
+    """Yield in words what is a link below a folder, at any depth.
+
+    What came in part is gone on with, and the journal too: by another name (a hard link), which an archive may have
+    given a file of the user's here, that one would be written to.
+    """
     left = [os.fspath(folder)]
     while left:
         with os.scandir(left.pop()) as entries:
             for one in entries:
                 if one.is_symlink():
-                    yield one.path
+                    yield f"{one.path} is a link"
                 elif one.is_dir(follow_symlinks=False):
                     left.append(one.path)
+                elif has_further_names(one.stat(follow_symlinks=False)):
+                    yield f"{one.path} has another name (a hard link)"
 
 
 @contextlib.contextmanager

@@ -174,6 +174,24 @@ def test_a_folder_with_a_link_in_it_is_not_gone_on_with(tmp_path: Path, place: s
             check_folder(folder, "hello")
 
 
+@pytest.mark.parametrize("place", [".parts/near/small", "journal.jsonl", "trials/a-r002/.parts/small"])
+def test_a_folder_with_another_name_of_a_file_in_it_is_not_gone_on_with(tmp_path: Path, place: str) -> None:
+    """An archive that is unpacked in the user's home makes a hard link to his `.bashrc`, to be written to."""
+    shell, folder = tmp_path / ".bashrc", tmp_path / "data"
+    shell.write_text("# the user's own\n")
+    (folder / "trials").mkdir(mode=0o700, parents=True)
+    (folder / "collected.json").write_text('{"instance": "hello"}')
+    (folder / place).parent.mkdir(parents=True, exist_ok=True)
+    os.link(shell, folder / place)
+    with pytest.raises(RefusedError, match=rf"{place} has another name \(a hard link\), and srprov makes none"):
+        check_own(folder)
+    with pytest.raises(RefusedError, match="has another name") as refused:
+        check_folder(folder, "hello")
+    assert refused.value.exit_code == 9
+    (folder / place).unlink()
+    check_folder(folder, "hello")
+
+
 @pytest.mark.parametrize("used", [False, True])
 def test_a_folder_that_is_a_link_is_not_used(tmp_path: Path, used: bool) -> None:
     folder = tmp_path / "elsewhere"
