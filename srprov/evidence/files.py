@@ -20,6 +20,7 @@ import msgspec
 
 from srprov import regular_file
 from srprov.codes import Code
+from srprov.definitions.version_control import has_further_names
 from srprov.errors import UsageError, visible
 from srprov.evidence import stored_zip
 from srprov.untrusted import mapping, parse_json
@@ -171,7 +172,7 @@ def of_run(path: Path) -> Folder:
     """Return the files of a run of trials, without what was fetched in part and what srprov did not write.
 
     Raises:
-        UsageError: It has a link, or something that is no file.
+        UsageError: It has a link, a file with several names, or something that is no file.
         OSError: It cannot be read.
     """
     home = Path(os.path.realpath(path))
@@ -208,4 +209,7 @@ def _size(path: Path) -> int:
     about = path.lstat()
     if not stat.S_ISREG(about.st_mode):
         raise UsageError(f"{path} is no file", hint="it is not what srprov wrote: remove it", code=Code.STRANGE_FILE)
+    if has_further_names(about):  # an archive may have made a file of the user's one of the run
+        what = f"{path} has another name (a hard link)"
+        raise UsageError(what, hint="srprov makes none: look at it, and remove it", code=Code.STRANGE_FILE)
     return about.st_size

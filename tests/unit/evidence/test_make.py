@@ -269,6 +269,11 @@ def test_a_run_that_has_not_ended_or_cannot_be_told_is_refused(run: Path, tmp_pa
     with pytest.raises(UsageError, match="is a link"):
         bundle(copy, tmp_path / "b.zip")
     (copy / "trials" / "link").unlink()
+    (tmp_path / "credentials").write_text("aws_secret_access_key = decoy")
+    (copy / "trials" / "link").hardlink_to(tmp_path / "credentials")
+    with pytest.raises(UsageError, match="has another name"):
+        bundle(copy, tmp_path / "b.zip")
+    (copy / "trials" / "link").unlink()
     events, _ = read(copy)
     with Journal(copy, len(events) + 1) as journal:
         journal.add("resume", run="x", same={})
