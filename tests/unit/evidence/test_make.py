@@ -273,7 +273,8 @@ def test_a_run_that_has_not_ended_or_cannot_be_told_is_refused(run: Path, tmp_pa
     (copy / "trials" / "link").hardlink_to(tmp_path / "credentials")
     with pytest.raises(UsageError, match="has another name"):
         bundle(copy, tmp_path / "b.zip")
-    (copy / "trials" / "link").unlink()
+    for place in (tmp_path / "credentials", copy / "trials" / "link"):
+        place.unlink()
     events, _ = read(copy)
     with Journal(copy, len(events) + 1) as journal:
         journal.add("resume", run="x", same={})
