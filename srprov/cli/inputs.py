@@ -42,11 +42,24 @@ def load_inventory(paths: tuple[str, ...]) -> Inventory:
     """
     from srprov.definitions import load_inventory as load
 
+    _refuse_changed(paths)
     context = click.get_current_context(silent=True)
     inventory = load(list(paths), unnamed=[path for path in paths if leads_anywhere(context, "inventories", path)])
     if not inventory.hosts:
         raise UsageError(f"no robots in {', '.join(paths)}", hint="add hosts to the inventory", code=Code.NO_ROBOT)
     return _with_become_password(inventory) if asked_for_become() else inventory
+
+
+def _refuse_changed(paths: tuple[str, ...]) -> None:
+    """Refuse an inventory of a lab that `lab up` did not write: whoever named it means that one."""
+    from srprov.lab.written import changed
+
+    if path := changed(paths):
+        raise UsageError(
+            f"{os.path.relpath(path)} is not what `srprov lab up` wrote, and may be a stranger's, as by `git pull`",
+            hint="`srprov lab up` in this folder writes it anew; keep one of your own under another name",
+            code=Code.STRANGE_FILE,
+        )
 
 
 def _with_become_password(inventory: Inventory) -> Inventory:

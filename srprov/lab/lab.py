@@ -36,6 +36,7 @@ from srprov.lab import (
     sites,
     spec,
     state,
+    written,
 )
 from srprov.lab.machine import run
 from srprov.lab.places import Site, robot_number
@@ -68,7 +69,8 @@ def up(name: str, wanted: Wanted, say: Say) -> list[str]:
         storage = images.ensure(registry.storages(sites.every()), say, foreign=foreign)
         site = sites.claim(name)
         network.ensure(site, robots)
-        state.write_lab(site, lab)
+        text = inventory.as_text(site, robots, lab.user)
+        state.write_lab(site, msgspec.structs.replace(lab, written=written.digest(text)))
         _make_key(site)
         registry.ensure(site, storage)
         _remove_surplus(site, {each.name for each in robots}, say)

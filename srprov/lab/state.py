@@ -57,6 +57,8 @@ class Lab(msgspec.Struct, frozen=True):
     since: str
     """When it was first brought up, in UTC."""
     inventories: tuple[str, ...] = ()
+    written: str = ""
+    """What `written.digest` says of what stands in each of them; empty of a lab that an older srprov brought up."""
 
 
 def read_lab(site: Site) -> Lab | None:

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from srprov.errors import LabError
+from srprov.cli.inputs import load_inventory
+from srprov.errors import LabError, UsageError
+from srprov.lab import places, state, written
 from srprov.lab.lab import _place_of_inventory, _write_if_other
 from srprov.lab.places import Site
 
@@ -55,3 +57,33 @@ def test_the_inventory_goes_beside_nobody_s_variables(
     (tmp_path / "inventory" / name).mkdir(parents=True)
     with pytest.raises(LabError, match=f"inventory/{name} would be read with the lab's inventory"):
         _place_of_inventory(site)
+
+
+def test_an_inventory_that_lab_up_did_not_write_is_not_taken_for_the_labs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A project ignores `inventory/`, and brings one there later: `git pull` replaces the lab's without a word."""
+    path, text = tmp_path / "clone" / "inventory" / "lab.yml", "all: {hosts: {robot1: }}\n"
+    path.parent.mkdir(parents=True)
+    path.write_text(text)
+    monkeypatch.setattr(places, "RUN", tmp_path / "run")
+    monkeypatch.setattr(written, "NAMED_RUN", tmp_path / "run" / "srprov-labs")
+    known = state.Lab({}, None, "", (str(path),), written.digest(text))
+    monkeypatch.chdir(tmp_path / "clone")
+    for name in ("", "anna"):
+        state.write_lab(Site(name, None), known)
+        assert written.changed(["inventory/lab.yml", str(path)]) == ""
+        path.write_text("all: {hosts: {robot1: }, vars: {ansible_ssh_common_args: -o ProxyCommand=theirs}}\n")
+        assert [written.changed([one]) for one in ("inventory/lab.yml", "inventory", "./inventory/../inventory")] == [
+            str(path)
+        ] * 3
+        assert written.changed(["other.yml"]) == ""
+        with pytest.raises(UsageError, match="not what `srprov lab up` wrote"):
+            load_inventory(("inventory/lab.yml",))
+        path.rename(tmp_path / "theirs.yml")
+        path.symlink_to(tmp_path / "theirs.yml")
+        assert written.changed(["inventory/lab.yml"]) == str(path)
+        path.unlink()
+        assert written.changed(["inventory/lab.yml"]) == ""
+        path.write_text(text)
+        (places.RUN / Site(name, None).group / "lab.json").unlink()
