@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 
 from srprov.codes import Code
-from srprov.controller.image_builders import BUILDERS, counted
+from srprov.controller.image_builders import counted
 from srprov.controller.plan import Planned
 from srprov.controller.request import BUNDLED
-from srprov.definitions.model import Inventory
+from srprov.definitions.model import BUILDERS, Inventory
 from srprov.errors import UsageError
 from srprov.facts.model import native
 from srprov.image_reference import BUILT

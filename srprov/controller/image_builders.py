@@ -1,8 +1,9 @@
 """Which images of those that this machine had built count for others now: those of a robot that would build them now.
 
-Who builds is the choice of one inventory: a host of its group `builders`, or else the first robot. A robot that was
-alone built for itself; where another inventory, or another laboratory's, names builders, it is none of them. Pure, but
-for what asks who a robot is.
+Who builds is the choice of one inventory: a host of its group `builders`, or the first robot where there is no such
+group. Where there is one, and none of it is in reach, each robot builds for itself: whoever names builders trusts no
+other one with it. A robot that was alone built for itself; where another inventory, or another laboratory's, names
+builders, it is none of them. Pure, but for what asks who a robot is.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import functools
 from collections.abc import Callable, Collection, Iterator, Mapping
 
 from srprov.codes import Code
-from srprov.definitions.model import Inventory
+from srprov.definitions.model import BUILDERS, Inventory
 from srprov.errors import RefusedError
 from srprov.facts.gather import Gathering
 from srprov.facts.model import Snapshot
@@ -19,9 +20,6 @@ from srprov.modules.image import ImageParams
 from srprov.record.memory import built_for
 from srprov.resource import Resource
 from srprov.transport import on_record
-
-BUILDERS = "builders"
-"""The group of an inventory whose hosts build images."""
 
 
 def alike(snapshot: Snapshot, arch: str) -> set[str]:
@@ -54,13 +52,12 @@ def counted(
 
 
 def _builders(arch: str, builders: Collection[str], snapshot: Snapshot) -> tuple[set[str], bool]:
-    """Return the robots in reach that could build for an architecture, and whether the inventory's group says so."""
-    every = alike(snapshot, arch)
-    named = every.intersection(builders)
-    # for a plan file its own robots alone are asked
-    unasked = {*builders} - snapshot.facts.keys() - snapshot.unreachable.keys()
-    chosen = bool(named or unasked)
-    return (named if chosen else every), chosen
+    """Return the robots in reach that build for others of an architecture, and whether the inventory's group says so.
+
+    Which architecture a robot is of is its own word, and a builder may be away: neither makes another one a builder.
+    """
+    every, chosen = alike(snapshot, arch), bool(builders)
+    return (every.intersection(builders) if chosen else every), chosen
 
 
 def check_builders(steps: Collection[Resource], inventory: Inventory, snapshot: Snapshot) -> None:
@@ -76,7 +73,7 @@ def check_builders(steps: Collection[Resource], inventory: Inventory, snapshot: 
         raise RefusedError(
             "only this plan, which was not written here, says who builds: "
             + ", ".join(f"{name} on {robot}" for name, robot in strange),
-            hint=f"plan its EDF here: a host of the inventory's group '{BUILDERS}' builds, or else the first robot",
+            hint=f"plan its EDF here: a host of the inventory's group '{BUILDERS}' builds, or the first robot",
             code=Code.STRANGE_PLAN,
         )
 
@@ -97,6 +94,7 @@ def _strange_builds(steps: Collection[Resource], inventory: Inventory, snapshot:
         here, chosen = _builders(facts.arch, builders, snapshot)
         lack = {one for one in here if not _has(one, want.name, snapshot)}
         right = builder in here and (chosen or builder == min(lack | unasked, default=""))
+        right = right or (made and chosen and not (here or unasked))  # for itself alone, as no builder is in reach
         # a build is remembered as one for what it says that its robot runs
         if not right or (made and params.runs[:1] not in ((), facts.runs[:1])):
             yield want.name, builder

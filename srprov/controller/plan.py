@@ -21,7 +21,7 @@ from srprov.controller import bundled
 from srprov.controller.choice import Choice, choice_of, decided, settled
 from srprov.controller.context import contexts
 from srprov.controller.data_plan import plan_data
-from srprov.controller.image_builders import BUILDERS, counted, proofs_of
+from srprov.controller.image_builders import counted, proofs_of
 from srprov.controller.image_layers import with_layers
 from srprov.controller.image_plans import images_alone, images_there, plan_images, with_fresh
 from srprov.controller.labpolicy import enforce, with_limits
@@ -43,7 +43,7 @@ from srprov.controller.robot_images import check_there
 from srprov.controller.robots_words import at_home
 from srprov.controller.trial_values import at_first_point
 from srprov.controller.writers import check_writers
-from srprov.definitions.model import Definitions, Experiment, Inventory
+from srprov.definitions.model import BUILDERS, Definitions, Experiment, Inventory
 from srprov.definitions.pins import unknown_pins
 from srprov.definitions.playbookmodel import Playbook
 from srprov.definitions.source import source_of

@@ -37,7 +37,8 @@ def image_of(inputs: RenderInputs, service: Service) -> str:
 def robot_images(inputs: RenderInputs, blobs: dict[str, bytes]) -> dict[str, list[dict[str, Any]]]:
     """Return robot -> its images; one to build comes from a robot that has it, else from the builder.
 
-    That is one of the same architecture: a host of the group `builders`, or else the first robot.
+    That is one of the same architecture: a host of the group `builders`, or the first robot where there is no such
+    group. Where none of the group is in reach, each builds its own.
     A robot has it for others when its image is one that this machine had built for that architecture, or when it is a
     builder: of any other one the tag alone is its own word.
     """
@@ -61,7 +62,8 @@ def robot_images(inputs: RenderInputs, blobs: dict[str, bytes]) -> dict[str, lis
             wanted.setdefault(host, {}).setdefault(image, _copied(inputs, image, host, host))
             continue
         holder = next((h for h in possible if (h, image) in trusted), None)
-        builder = holder or next(h for h in possible if (h, image) not in present)
+        building = [h for h in possible if h in inputs.builders] if inputs.builders else possible
+        builder = holder or next((h for h in building if (h, image) not in present), host)
         if holder is None:
             plan = plans[image]
             digest = hashlib.sha256(plan.context).hexdigest()

@@ -17,7 +17,7 @@ from srprov.controller.authority import check_copies, check_underlay, services_o
 from srprov.controller.data_owner import check_saved, refuse_labels, remember_owner
 from srprov.controller.data_sets import refuse_files
 from srprov.controller.fleet import Fleet
-from srprov.controller.image_builders import BUILDERS, check_builders, counted, proofs_of
+from srprov.controller.image_builders import check_builders, counted, proofs_of
 from srprov.controller.old_values import as_reviewed, with_differences, without_old_lines
 from srprov.controller.ownership import check_source, looking, owned
 from srprov.controller.permissions import require_decided
@@ -25,7 +25,7 @@ from srprov.controller.plan import Planned
 from srprov.controller.plan_proof import check_claim, proved, provers
 from srprov.controller.staleness import refuse_stale
 from srprov.controller.writers import check_writers
-from srprov.definitions.model import NetworkSettings
+from srprov.definitions.model import BUILDERS, NetworkSettings
 from srprov.errors import UsageError
 from srprov.facts.gather import Detail, Gathering
 from srprov.facts.model import Snapshot

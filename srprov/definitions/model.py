@@ -87,6 +87,10 @@ class Host(msgspec.Struct, frozen=True, kw_only=True):
     location: Location = _NOWHERE
 
 
+BUILDERS = "builders"
+"""The group of an inventory whose hosts build images for others."""
+
+
 class Inventory(msgspec.Struct, frozen=True, kw_only=True):
     """The robots: hosts by name (sorted), groups by name."""
 

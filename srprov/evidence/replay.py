@@ -18,7 +18,7 @@ from msgspec.structs import replace
 
 from srprov import believed, private, regular_file
 from srprov.codes import Code
-from srprov.definitions.model import Host, Inventory, repository_in
+from srprov.definitions.model import BUILDERS, Host, Inventory, repository_in
 from srprov.errors import RefusedError, UsageError, did_you_mean
 from srprov.evidence import story, verify
 from srprov.evidence.compare_inputs import facts_of
@@ -31,6 +31,8 @@ from srprov.untrusted import mapping, string
 from srprov.whose import others_may_write
 
 _INVENTORY = "inventory.yml"
+_NO_PART = "(a robot without a part)"
+"""No robot of an inventory can be called so."""
 
 
 class Needed(msgspec.Struct, frozen=True, kw_only=True):
@@ -213,6 +215,8 @@ def mapped(inventory: Inventory, robots: Collection[str], asked: Mapping[str, st
         group: tuple(sorted(names[one] for one in members if one in names))
         for group, members in inventory.groups.items()
     }
+    if inventory.groups.get(BUILDERS) and not groups[BUILDERS]:
+        groups[BUILDERS] = (_NO_PART,)  # else any robot would build for others
     return replace(inventory, hosts=hosts, groups=groups)
 
 

@@ -220,6 +220,15 @@ def test_a_robot_that_built_for_itself_alone_builds_for_no_builder(lab_of_module
     own_base.check(own_base.on("robot1", "-i", own_base.alone))
 
 
+def test_where_the_only_builder_is_away_no_other_robot_builds_for_others(
+    lab_of_module: Lab, own_base: OwnBase, tmp_path: Path
+) -> None:
+    """The first robot by name has a base of its own making; the one that the inventory names cannot be reached."""
+    lab_of_module.shell("robot1", "sh", "-c", OWN_BASE)
+    gone = part_of_lab(lab_of_module, ["robot1", "robot2", "robot3"], tmp_path / "gone.yml", robot2={"ansible_port": 1})
+    own_base.check_other("robot3", gone, "--unreachable", "skip")
+
+
 def test_a_robot_that_names_another_one_as_builder_builds_for_nobody(
     lab_of_module: Lab, own_base: OwnBase, tmp_path: Path
 ) -> None:

@@ -149,8 +149,17 @@ def test_without_anybody_who_has_it_the_first_robot_builds() -> None:
 
 def test_images_are_built_by_builders_of_the_robots_architecture() -> None:
     assert sources({}, builders=("arm", "c")) == {"c": ("build", ""), "b": ("copy", "c")}
-    assert sources({}, builders=("arm",)) == {"a": ("build", ""), "b": ("copy", "a")}
     assert sources({BUILT: {"sha256:1 c"}}, builders=("c",), a="sha256:1") == {"b": ("copy", "a sha256:1")}
+
+
+def test_where_builders_are_named_no_other_robot_builds_for_others() -> None:
+    """The one that is named is away, or of another architecture, which is each robot's own word."""
+    assert sources({}, builders=("arm",)) == {"b": ("build", "")}
+    assert sources({}, builders=("x",), away=("x",)) == {"b": ("build", "")}
+    for away in (), ("x",):
+        built_by_a = {BUILT: {"sha256:evil a"}}
+        assert sources(built_by_a, builders=("arm", "x"), a="sha256:evil", away=away) == {"b": ("build", "")}
+    assert sources({BUILT: {"sha256:1 x"}}, builders=("x",), a="sha256:1", away=("x",)) == {"b": ("copy", "a sha256:1")}
 
 
 def test_what_was_built_by_a_robot_that_would_not_build_now_is_no_source() -> None:

@@ -145,3 +145,13 @@ def test_a_robot_that_says_to_be_of_an_architecture_of_its_own_builds_for_no_oth
     for wrong in ([built("b", "riscv64"), copied("b", "c")], [built("b", "amd64")]):
         with pytest.raises(RefusedError, match="who builds"):
             check_builders(wrong, inventory(*THREE), snapshot)
+
+
+def test_without_a_builder_in_reach_robots_of_a_plan_from_elsewhere_build_for_themselves_alone() -> None:
+    named = inventory(*THREE, builders=("a",))
+    for snapshot in (robots({"b": "amd64", "c": "amd64"}, away=("a",)), robots({**THREE, "a": "arm64"})):
+        check_builders([built("b"), built("c")], named, snapshot)
+        with pytest.raises(RefusedError, match=f"who builds: {TAG} on b$"):
+            check_builders([built("b"), copied("b", "c")], named, snapshot)
+    with pytest.raises(RefusedError, match="who builds"):  # it may be there, the file does not ask it
+        check_builders([built("b")], named, robots({"b": "amd64"}))

@@ -75,6 +75,8 @@ def test_robots_do_the_parts_of_others_under_their_names() -> None:
         "r1": ("r1", "r1.lab"), "r2": ("r2", "kuka.lab"),
     }  # fmt: skip
     assert found.groups == {"all": ("r1", "r2"), "first": ("r1",)}
+    named = replace(inventory("r1", "spare"), groups={"builders": ("spare",)})
+    assert mapped(named, ("r1",), {}).groups["builders"], "no other robot builds for others"
     swapped = mapped(inventory("r1", "r2"), ("r1", "r2"), {"r1": "r2", "r2": "r1"})
     assert [one.address for one in swapped.hosts.values()] == ["r2.lab", "r1.lab"]
 
