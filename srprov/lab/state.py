@@ -62,9 +62,9 @@ class Lab(msgspec.Struct, frozen=True):
 
 
 def read_lab(site: Site) -> Lab | None:
-    """The lab that is up, or was when the machine's run was killed."""
+    """The lab that is up, or was when the machine's run was killed; of a later srprov's, what is known here."""
     found = read(site.run / "lab.json")
-    return None if found is None else Lab(**{**found, "inventories": tuple(found["inventories"])})
+    return None if found is None else msgspec.convert(found, Lab)
 
 
 def write_lab(site: Site, lab: Lab) -> None:

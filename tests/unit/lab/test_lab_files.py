@@ -87,3 +87,10 @@ def test_an_inventory_that_lab_up_did_not_write_is_not_taken_for_the_labs(
         assert written.changed(["inventory/lab.yml"]) == ""
         path.write_text(text)
         (places.RUN / Site(name, None).group / "lab.json").unlink()
+
+
+def test_a_lab_of_a_later_srprov_is_read_for_what_is_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(places, "RUN", tmp_path)
+    site = Site("other", None)
+    state.write(site.run / "lab.json", {"spec": {}, "user": None, "since": "now", "inventories": ["/a"], "more": 1})
+    assert state.read_lab(site) == state.Lab({}, None, "now", ("/a",))
