@@ -58,9 +58,9 @@ _GROUPS = {"export": ("compose", "kubernetes", "swarm"), "import": ("compose", "
 """Verbs that stand for several: what is set for one holds for those."""
 _MOST = {"workers": os.cpu_count() or 1, "forks": 512}
 """In a project's file: processes and threads of this machine."""
+_SWITCHES = ("locked",)  # a project's file may ask for it, and not do without what the user's own asks for
 _MOST_BYTES, _MOST_FAULTS, _BEYOND = 1 << 20, 20, 1e15
-_MOST_ENTRIES, _LONGEST = 64, 4096
-"""Of a list, and characters of a text: what is more is looked at for each verb."""
+_MOST_ENTRIES, _LONGEST = 64, 4096  # of a list, and characters of a text
 
 
 class ConfigFile(msgspec.Struct, frozen=True, kw_only=True):
@@ -223,7 +223,7 @@ def _fault(file: ConfigFile, table: str, key: str, value: object, text: str) -> 
     known = key in (OWN_KEYS if file.own else PROJECT_KEYS)
     words = value if key in _LISTS and isinstance(value, list) else [value]
     few = len(words) <= _MOST_ENTRIES and (file.own or not _is_more(value, _MOST.get(key)))
-    if known and few and all(_plain(word, text_only=key in _LISTS) for word in words):
+    if known and few and (file.own or key not in _SWITCHES or value is True) and all(_plain(word, text_only=key in _LISTS) for word in words):
         return
     place = f"{file.path}:{line(text, table, key)}"
     if known:

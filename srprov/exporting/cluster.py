@@ -26,6 +26,8 @@ from srprov.network.model import Overlay
 
 _PLAIN = Runtime()
 _TAG_LENGTH = 32
+NO_REGISTRY = "srprov.invalid"
+"""Where images that are built come from: a name that nobody can have, RFC 6761."""
 
 
 class Shipped(msgspec.Struct, frozen=True, kw_only=True):
@@ -109,8 +111,12 @@ def levels(services: Mapping[str, Service]) -> tuple[tuple[str, ...], ...]:
 
 
 def image_names(experiment: Experiment, built: Mapping[str, Built]) -> dict[str, str]:
-    """Return CDF's key -> the name of its image, which changes with the content of its folder."""
-    return {key: f"{experiment.name}/{one.name}:{_hash(one.files)}" for key, one in built.items()}
+    """Return CDF's key -> the name of its image, which changes with the content of its folder.
+
+    Its registry is none, so that a node without the image fails: as `NAME/…` it would take what somebody of that name
+    has on Docker Hub.
+    """
+    return {key: f"{NO_REGISTRY}/{experiment.name}/{one.name}:{_hash(one.files)}" for key, one in built.items()}
 
 
 def _hash(files: Iterable[File]) -> str:

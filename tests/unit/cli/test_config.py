@@ -94,6 +94,8 @@ def own(tmp_path: Path) -> dict[str, str]:
         ("[plan]\nverbose = 2026-01-01\n", r":2: 'verbose' cannot have this value"),
         ('inventory = ["a", 3]\n', r":1: 'inventory' cannot have this value"),
         ('inventory = "a\\u0000"\n', r":1: 'inventory' cannot have this value"),
+        ("locked = true\n[plan]\nlocked = false\n", r":3: 'locked' cannot have this value"),
+        ("locked = 'no'\n", r":1: 'locked' cannot have this value"),
     ],
 )
 def test_an_unknown_key_is_an_error_with_its_line(tmp_path: Path, text: str, said: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import pytest
 
 from srprov.errors import DefinitionError, UsageError
+from srprov.image_reference import parse_reference
 from tests.unit.exporting.clusters import documents, on_cluster, pod
 from tests.unit.exporting.exports import classes, contents, experiment, notes
 
@@ -257,6 +259,16 @@ def test_images_are_built_under_a_name_that_changes_with_them(tmp_path: Path) ->
         assert f"docker build -t {name} build/a" in contents(made)["build.sh"].decode()
         names.append(name)
     assert names[0] != names[1]
+
+
+@pytest.mark.parametrize("tool", ["swarm", "kubernetes"])
+def test_what_is_built_has_a_name_that_no_registry_answers_for(tmp_path: Path, tool: str) -> None:
+    """A node without the image takes none of who has the experiment's name on Docker Hub."""
+    made = on_cluster(tool, experiment(tmp_path, "services: {a: {cdf: a.cdf}}", a_dot_cdf="cdf: 1\nbase: debian\n"))
+    text = b"\n".join(contents(made).values()).decode()
+    names = {*re.findall(r"image: (\S+)", text), *re.findall(r"docker build -t (\S+)", text)}
+    (name,) = names
+    assert parse_reference(name).domain == "srprov.invalid"
 
 
 def test_an_address_that_is_needed_and_not_known_is_said(tmp_path: Path) -> None:
