@@ -220,10 +220,10 @@ def _faults(file: ConfigFile, table: Mapping[str, Any], verbs: Mapping[str, Any]
 
 
 def _fault(file: ConfigFile, table: str, key: str, value: object, text: str) -> Iterator[str]:
-    known = key in (OWN_KEYS if file.own else PROJECT_KEYS)
     words = value if key in _LISTS and isinstance(value, list) else [value]
-    few = len(words) <= _MOST_ENTRIES and (file.own or not _is_more(value, _MOST.get(key)))
-    if known and few and (file.own or key not in _SWITCHES or value is True) and all(_plain(word, text_only=key in _LISTS) for word in words):
+    known, few = key in (OWN_KEYS if file.own else PROJECT_KEYS), len(words) <= _MOST_ENTRIES
+    fair = file.own or not (_is_more(value, _MOST.get(key)) or (key in _SWITCHES and value is not True))
+    if known and few and fair and all(_plain(word, text_only=key in _LISTS) for word in words):
         return
     place = f"{file.path}:{line(text, table, key)}"
     if known:

@@ -215,8 +215,8 @@ def _start(done: Export, namespace: str, used: Collection[str]) -> Iterator[str]
     yield ""
     if used:
         yield f"Build the images with `./{BUILD}`, and give them to the nodes that run them: push them to a registry"
-        yield f"that the nodes know, with its name instead of `{cluster.NO_REGISTRY}` here and in the manifests; or load"
-        yield "them into a node:"
+        yield f"that the nodes know, with its name instead of `{cluster.NO_REGISTRY}` here and in the manifests;"
+        yield "or load them into a node:"
         yield from ("", "    docker save IMAGE | ssh NODE ctr -n k8s.io images import -", "")
     yield "Then"
     yield from ("", f"    ./{APPLY}", "", f"and to end it `kubectl delete namespace {namespace}`.", "")
