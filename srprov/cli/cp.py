@@ -100,9 +100,9 @@ def _located(
     from srprov.facts.gather import Detail
 
     inventory = inputs.load_inventory(inventories)
-    name = inputs.named_instance(file, instance)[0]
+    name, source = inputs.named_instance(file, instance)
     with inputs.connect(inventory, timeout, forks) as fleet:
-        where = trusted(locate(fleet.gather(Detail.BASIC), name, experiment), service)
+        where = trusted(locate(fleet.gather(Detail.BASIC), name, experiment), service, source)
         session = fleet.sessions.get(where.host)  # of a robot that is out of reach nothing was found
         if where.found is None:
             raise UsageError(

@@ -70,10 +70,10 @@ def _run(
     from srprov.facts.gather import Detail
 
     inventory = inputs.load_inventory(inventories)
-    name = inputs.named_instance(file, instance)[0]
+    name, source = inputs.named_instance(file, instance)
     experiment = inputs.experiment_if_valid(file)
     with inputs.connect(inventory, timeout, forks) as fleet:
-        where = trusted(locate(fleet.gather(Detail.BASIC), name, experiment), service)
+        where = trusted(locate(fleet.gather(Detail.BASIC), name, experiment), service, source)
         return _attached(fleet.sessions.get(where.host), where, what)
 
 

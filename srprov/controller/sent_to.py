@@ -7,14 +7,16 @@ from __future__ import annotations
 
 from srprov.codes import Code
 from srprov.controller.located import Located, Whereabouts, only
-from srprov.errors import UsageError
+from srprov.errors import RefusedError, UsageError
 from srprov.names import few
 
 _MOST_AWAY = 8
 
 
-def trusted(there: Whereabouts, word: str) -> Located:
+def trusted(there: Whereabouts, word: str, source: str) -> Located:
     """Return the one container that a word means, for who sends something of the user's own there.
+
+    The user names his EDF, of this `source`: what another file made is not meant by it, whatever that one calls itself.
 
     Each robot may say that a service is on it. The one that has it contradicts, or this machine knows better, or the
     EDF; where none does, the user says which robot he means. What this machine wrote before its last run is a robot's
@@ -23,9 +25,18 @@ def trusted(there: Whereabouts, word: str) -> Located:
 
     Raises:
         UsageError: It is more than one, or only its robot says that it is there.
+        RefusedError: Another file made it.
     """
     found = only(there.named([word]))
-    if "@" in word or found.host in there.unreachable or not (why := _doubt(there, found)):
+    if "@" in word:
+        return found
+    if (maker := str(found.found.state.get("source", "")) if found.found else "") not in ("", source):
+        raise RefusedError(
+            f"{found.where} was made from {maker}, not from {source}",
+            hint=f"if you mean that one, name it with its robot: {found.service}@{found.host}",
+            code=Code.OWNER,
+        )
+    if found.host in there.unreachable or not (why := _doubt(there, found)):
         return found
     raise UsageError(
         f"only {found.host} says that {found.service} is there: {why}",

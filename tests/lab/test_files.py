@@ -182,7 +182,7 @@ def test_no_container_puts_definitions_in_the_place_of_the_experiment_s(begun: B
     (tmp_path / "nav/nav.cdf").write_text("cdf: 1\nname: nav\nbase: busybox\ncommand: nav\n")
     (tmp_path / "e.edf").write_text(f"edf: 1\nname: {name}\nservices: {{talker: {{cdf: nav/nav.cdf}}}}\n")
     begun.inside("talker", "mkdir -p /config && cd /config && touch nav.cdf params.yaml")
-    command = ("cp", str(tmp_path / "e.edf"), "-i", begun.inventory, "talker:/config/.")
+    command = ("cp", str(tmp_path / "e.edf"), "-i", begun.inventory, f"talker@{begun.robot('talker')}:/config/.")
     copied = begun.lab.srprov(*command, str(tmp_path / "nav"))
     assert copied.code == 5 and "nav.cdf: what a container has could name programs there" in copied.err, copied
     assert begun.lab.srprov(*command, str(tmp_path / "nav/config")).code == 0

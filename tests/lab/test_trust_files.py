@@ -174,3 +174,25 @@ def test_hostile_names_reach_neither_robots_nor_folders_here(lab: Lab, tmp_path:
     gone = lab.srprov("destroy", str(path), "-i", inventory, "--yes", "--runs", str(runs))
     assert gone.code == 0, gone
     assert lab.leftovers(ROBOT)["volumes"] == ["liar"]
+
+
+def test_another_file_s_container_of_the_same_name_gets_nothing_of_the_user_s(lab: Lab, tmp_path: Path) -> None:
+    """He ended his own experiment, looked at a stranger's, which calls itself and its service as his, and goes on."""
+    (tmp_path / "stranger").mkdir()
+    own, other, file = tmp_path / "nav.edf", tmp_path / "stranger" / "nav.edf", tmp_path / "private.txt"
+    file.write_text(VALUE, encoding="utf-8")
+    own.write_text(edf("nav", {"planner": busybox()}), encoding="utf-8")
+    other.write_text(edf("nav", {"planner": busybox()}), encoding="utf-8")
+    inventory = part_of_lab(lab, [ROBOT], tmp_path / "lab.yml")
+    for verb in (("apply", str(own)), ("destroy", str(own)), ("apply", str(other))):
+        assert lab.srprov(*verb, "-i", inventory, "--yes").code == 0
+    send = ("cp", str(own), "-i", inventory, str(file), "planner:/tmp/")
+    look = ("exec", str(own), "-i", inventory, "planner", "--", "tee", "/tmp/private.txt")
+    bring = ("cp", str(own), "-i", inventory, "planner:/etc/hostname", str(tmp_path / "brought"))
+    for verb, code in ((send, 9), (look, 255), (bring, 9)):
+        done = lab.srprov(*verb, stdin=VALUE)
+        assert done.code == code and str(other) in done.err and "planner@robot1" in done.err, done
+    assert lab.shell(ROBOT, "docker", "exec", "srprov.nav.planner", "ls", "/tmp").out == ""
+    assert not (tmp_path / "brought").exists()
+    assert lab.srprov("cp", str(other), "-i", inventory, str(file), "planner:/tmp/").code == 0
+    assert lab.srprov("cp", str(own), "-i", inventory, str(file), "planner@robot1:/tmp/").code == 0

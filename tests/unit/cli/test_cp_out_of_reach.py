@@ -22,7 +22,7 @@ def test_a_robot_out_of_reach_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         raise ConnectError(host, "no answer")
 
     fleet = SimpleNamespace(gather=lambda _: None, sessions=SimpleNamespace(get=get))
-    for name, given in (("load_inventory", None), ("named_instance", ("closed",))):
+    for name, given in (("load_inventory", None), ("named_instance", ("closed", "closed.edf"))):
         monkeypatch.setattr(inputs, name, lambda *_, given=given: given)
     monkeypatch.setattr(inputs, "connect", lambda *_: nullcontext(fleet))
     monkeypatch.setattr(located, "locate", lambda *_: None)

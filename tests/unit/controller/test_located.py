@@ -13,7 +13,7 @@ from srprov.controller import located
 from srprov.controller.located import Located, Whereabouts
 from srprov.controller.sent_to import trusted
 from srprov.definitions.model import Service
-from srprov.errors import UsageError
+from srprov.errors import RefusedError, UsageError
 from srprov.facts.model import HostFacts, Snapshot
 from srprov.record.memory import Memory, digest, remember
 from srprov.resource import Observed
@@ -31,14 +31,24 @@ def there(*, away: bool, remembered: bool, one: Located = DB) -> Whereabouts:
 def test_a_robot_s_word_that_nobody_can_contradict_gets_no_file_and_no_command() -> None:
     """Root there makes a container with the service's label, and a record; the one that has the service is away."""
     with pytest.raises(UsageError, match=r"only r1 says that db is there: .* r2 cannot be asked") as caught:
-        trusted(there(away=True, remembered=False), "db")
+        trusted(there(away=True, remembered=False), "db", "s")
     assert caught.value.code == Code.DISPUTED and caught.value.hint.endswith("db@r1")
-    assert trusted(there(away=True, remembered=False), "db@r1") == DB
+    assert trusted(there(away=True, remembered=False), "db@r1", "s") == DB
+
+
+def test_what_another_file_made_gets_no_file_and_no_command_by_a_service_s_name() -> None:
+    """A stranger's EDF calls itself, and a service, as one of the user's, which does not run just now."""
+    container = Observed(module="container", name="srprov.x.db", instance="x", state={"source": "git:example.org/nav"})
+    found = there(away=False, remembered=True, one=replace(DB, found=container))
+    with pytest.raises(RefusedError, match=r"^db on r1 was made from git:example.org/nav, not from s$") as caught:
+        trusted(found, "db", "s")
+    assert caught.value.code == Code.OWNER and caught.value.hint.endswith("db@r1")
+    assert trusted(found, "db@r1", "s").host == trusted(found, "db", "git:example.org/nav").host == "r1"
 
 
 @pytest.mark.parametrize(("away", "remembered"), [(False, False), (True, True), (False, True)])
 def test_where_it_could_be_contradicted_it_counts(away: bool, remembered: bool) -> None:
-    assert trusted(there(away=away, remembered=remembered), "db") == DB
+    assert trusted(there(away=away, remembered=remembered), "db", "s") == DB
 
 
 def test_a_service_that_the_edf_wants_elsewhere_is_not_there_by_its_robot_s_word_alone() -> None:
@@ -48,10 +58,10 @@ def test_a_service_that_the_edf_wants_elsewhere_is_not_there_by_its_robot_s_word
         return replace(there(away=False, remembered=remembered), by_name={"db": Service(name="db", robot=robot)})
 
     with pytest.raises(UsageError, match=r"only r1 says that db is there: .* the EDF wants it on r2") as caught:
-        trusted(pinned("r2"), "db")
+        trusted(pinned("r2"), "db", "s")
     assert caught.value.code == Code.DISPUTED and caught.value.hint.endswith("db@r1")
-    assert trusted(pinned("r2"), "db@r1") == trusted(pinned("r1"), "db") == DB
-    assert trusted(pinned("r2", remembered=True), "db") == DB, "an EDF may have been changed since"
+    assert trusted(pinned("r2"), "db@r1", "s") == trusted(pinned("r1"), "db", "s") == DB
+    assert trusted(pinned("r2", remembered=True), "db", "s") == DB, "an EDF may have been changed since"
 
 
 @pytest.mark.parametrize("away", [True, False])
@@ -59,9 +69,9 @@ def test_what_this_machine_knew_before_its_last_run_is_no_more_than_a_robot_s_wo
     """The service was moved away from r1 by a run that r1 let fail; its new robot is away, or has lost its record."""
     before = replace(there(away=away, remembered=True), unsure=("r2",))
     with pytest.raises(UsageError, match=r"only r1 says .* a later run .* which r2 could tell") as caught:
-        trusted(before, "db")
+        trusted(before, "db", "s")
     assert caught.value.code == Code.DISPUTED and caught.value.hint.endswith("db@r1")
-    assert trusted(before, "db@r1") == DB
+    assert trusted(before, "db@r1", "s") == DB
 
 
 def test_what_no_run_placed_is_nowhere_by_a_robot_s_word(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -74,9 +84,9 @@ def test_what_no_run_placed_is_nowhere_by_a_robot_s_word(tmp_path: Path, monkeyp
     seen = Snapshot(facts={}, observed={"r2": (decoy,)}, unreachable={}, records={"r1": {"x": record}})
     remember("x", Memory(robots=frozenset({"r1"}), records=(digest(record),)))
     found = located.locate(seen, "x")
-    assert trusted(found, "db").host == "r1" and trusted(found, "new@r2").host == "r2"
+    assert trusted(found, "db", "s").host == "r1" and trusted(found, "new@r2", "s").host == "r2"
     with pytest.raises(UsageError, match=r"only r2 says that new is there: .* has it nowhere") as caught:
-        trusted(found, "new")
+        trusted(found, "new", "s")
     assert caught.value.code == Code.DISPUTED and caught.value.hint.endswith("new@r2")
 
 
@@ -93,7 +103,7 @@ def test_without_a_run_of_this_machine_s_another_robot_has_to_have_it_in_its_rec
         facts = {robot: HostFacts(name=robot) for robot in robots.split()}
         records = {robot: {"x": dict(record)} for robot in holders.split()}
         seen = Snapshot(facts=facts, observed={"r2": (decoy,)}, unreachable={}, records=records)
-        return trusted(located.locate(seen, "x"), "db")
+        return trusted(located.locate(seen, "x"), "db", "s")
 
     for holders in ("", "r2"):
         with pytest.raises(UsageError, match=r"only r2 says that db is there: .* no other robot has it in its record"):
@@ -105,7 +115,7 @@ def test_without_a_run_of_this_machine_s_another_robot_has_to_have_it_in_its_rec
 def test_a_service_on_a_robot_that_is_away_is_what_others_say_of_it() -> None:
     """The connection fails, and says so."""
     lost = Located(service="db", host="r2", container="srprov.x.db")
-    assert trusted(there(away=True, remembered=False, one=lost), "db") == lost
+    assert trusted(there(away=True, remembered=False, one=lost), "db", "s") == lost
 
 
 def test_a_record_that_this_machine_did_not_write_is_no_word_of_its_own(
@@ -126,10 +136,10 @@ def test_a_record_that_this_machine_did_not_write_is_no_word_of_its_own(
         )
 
     remember("x", Memory(robots=frozenset({"r2"}), records=(digest(record("db")),)))
-    assert trusted(seen(record("db")), "db").host == "r2"
+    assert trusted(seen(record("db")), "db", "s").host == "r2"
     remember("x", Memory(robots=frozenset({"r2"}), records=(digest(record("a")),)))
     with pytest.raises(UsageError, match=r"only r2 says .*: no run of this machine put it there") as caught:
-        trusted(seen(record("a", "db")), "db")
+        trusted(seen(record("a", "db")), "db", "s")
     assert caught.value.code == Code.DISPUTED and caught.value.hint.endswith("db@r2")
 
 
@@ -152,10 +162,10 @@ def test_a_robot_that_is_called_as_one_of_another_laboratory_gets_nothing_for_it
         known = {"r1": f"r1 {proved}", "r3": proofs["r3"]}
         return Snapshot(facts=facts, observed={"r1": (decoy,)}, unreachable={}, records=records, proofs=known)
 
-    assert trusted(located.locate(seen("key of r1"), "x"), "db").host == "r1"
+    assert trusted(located.locate(seen("key of r1"), "x"), "db", "s").host == "r1"
     assert [label for label, *_ in located.containers_of(seen("key of r1"), "x", ())] == ["db"]
     why = "a run of this machine knows another robot by that name" if witness else "not sure where db was placed"
     with pytest.raises(UsageError, match=why) as caught:
-        trusted(located.locate(seen("key of r2"), "x"), "db")
+        trusted(located.locate(seen("key of r2"), "x"), "db", "s")
     assert caught.value.code == Code.DISPUTED and caught.value.hint.endswith("db@r1")
     assert [label for label, *_ in located.containers_of(seen("key of r2"), "x", ())] == ["db@r1"]
