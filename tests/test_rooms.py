@@ -207,7 +207,7 @@ FILES: Mapping[str, Room] = {
     "cli/images.py": cli_file("execution sizes"),
     "cli/images_prune.py": cli_file("execution sizes"),
     "cli/importing.py": cli_file("conversion importing.normal record.memory"),
-    "cli/inputs.py": cli_file("lab.written"),
+    "cli/inputs.py": cli_file("lab.written facts.model"),
     "cli/lab.py": cli_file("lab"),
     "cli/lock.py": cli_file("definitions.lockfile"),
     "cli/init.py": cli_file("data definitions.starter"),

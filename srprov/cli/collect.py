@@ -41,13 +41,13 @@ def collect(
 
     inventory = inputs.load_inventory(inventories)
     experiment = inputs.load_experiment(file).experiment
-    name = inputs.named_instance(file, instance)[0]
+    name, source = inputs.named_instance(file, instance)
     check_folder(target, name)
     with inputs.connect(inventory, timeout, forks) as fleet:
         from srprov.controller.collection import collect as bring  # half a second of imports, while robots connect
 
         try:
-            document = bring(fleet, experiment, name, target, lambda text: err(visible(text)))
+            document = bring(fleet, experiment, name, target, lambda text: err(visible(text)), source=source)
         except OSError as error:
             hint = "what is in the folder is whole; collect again when that is mended"
             raise UsageError(

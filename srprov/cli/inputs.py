@@ -21,13 +21,14 @@ from srprov.cli.output_options import is_quiet, note
 from srprov.cli.standing import leads_anywhere
 from srprov.codes import Code
 from srprov.controller.request import PlanRequest
-from srprov.errors import DefinitionError, RefusedError, UsageError
+from srprov.errors import DefinitionError, RefusedError, UsageError, visible
 from srprov.names import few
 from srprov.secret import Secret, Vault
 
 if TYPE_CHECKING:
     from srprov.controller.fleet import Fleet
     from srprov.definitions.model import Definitions, Experiment, Inventory
+    from srprov.facts.model import Snapshot
 
 _LATE_S = 3.0
 """After this time without an answer a robot is named."""
@@ -121,6 +122,14 @@ def named_instance(file: str | None, instance: str) -> tuple[str, str]:
 
     name, source = named(file)
     return instance or name, source
+
+
+def tell_maker(snapshot: Snapshot, instance: str, source: str) -> None:
+    """Say which other experiment made an instance that an EDF is asked for, if one did."""
+    from srprov.controller.ownership import looking, made_by_another
+
+    if source and (said := made_by_another(looking(snapshot, instance).snapshot, instance, source)):
+        err(f"note: {visible(said)}")
 
 
 def with_own_files(request: PlanRequest, experiment: Experiment) -> PlanRequest:

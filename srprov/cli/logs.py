@@ -62,10 +62,11 @@ def logs(
     from srprov.facts.gather import Detail
 
     inventory = inputs.load_inventory(inventories)
-    name = inputs.named_instance(file, instance)[0]
+    name, source = inputs.named_instance(file, instance)
     with inputs.connect(inventory, timeout, forks) as fleet:
         snapshot = fleet.gather(Detail.BASIC)
         code = tell_unreachable(snapshot.unreachable)
+        inputs.tell_maker(snapshot, name, source)
         sources = _sources(file, name, services, fleet, snapshot)
         lines = tail if tail is not None else 100 if since is None else -1
         show = _json if as_json else _Text(sources, timestamps, not no_color and wants_color(sys.stdout)).show

@@ -31,9 +31,10 @@ def probe(
     from srprov.probing.document import text
 
     inventory = inputs.load_inventory(inventories)
-    name = inputs.named_instance(file, instance)[0]
+    name, source = inputs.named_instance(file, instance)
     with inputs.connect(inventory, timeout, forks, changing=True) as fleet:
         snapshot = fleet.gather(Detail.BASIC)
+        inputs.tell_maker(snapshot, name, source)
         request, notes = request_for(snapshot, name)
         for note in notes:
             err(f"note: {visible(note)}")

@@ -77,12 +77,13 @@ def status(
 
     _check_watch(watch, beside=as_json or wide or volumes or exit_code or network)
     inventory = inputs.load_inventory(inventories)
-    name = inputs.named_instance(file, instance)[0] if file or instance else ""
+    name, source = inputs.named_instance(file, instance) if file or instance else ("", "")
     experiment = _experiment(file, needed=exit_code) if file else None
     with inputs.connect(inventory, timeout, forks) as fleet:
         if watch:
             _watch(fleet, name, experiment)
         snapshot = fleet.gather(Detail.BASIC)
+        inputs.tell_maker(snapshot, name, source)
         kept = with_sizes(volume_rows(snapshot, name), fleet, snapshot) if volumes else volume_rows(snapshot, name)
         seen = status_of(snapshot, name, experiment, lambda one: _by_trials(one, runs))
         rows = _wide(seen, fleet) if wide else seen.services
@@ -90,8 +91,7 @@ def status(
     for line in (*seen.disputes, *seen.notes, *filter(None, [seen.trials])):
         err(f"note: {visible(line)}")
     if as_json:
-        listed: dict[str, Any] = {"volumes": kept} if volumes else {}
-        listed |= {"network": tried} if network else {}
+        listed = ({"volumes": kept} if volumes else {}) | ({"network": tried} if network else {})
         out_json({"services": rows, "links": seen.links, **listed, "unreachable": dict(snapshot.unreachable)})
     else:
         out(_text(seen, rows) or f"nothing of {visible(name) or 'srprov'} runs on these robots")

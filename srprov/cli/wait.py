@@ -43,10 +43,12 @@ def wait(
     from srprov.facts.gather import Detail
 
     inventory = inputs.load_inventory(inventories)
-    name = inputs.named_instance(file, instance)[0]
+    name, source = inputs.named_instance(file, instance)
     experiment = inputs.experiment_if_valid(file)
     with inputs.connect(inventory, timeout, forks) as fleet:
-        there = locate(fleet.gather(Detail.BASIC), name, experiment)
+        snapshot = fleet.gather(Detail.BASIC)
+        inputs.tell_maker(snapshot, name, source)
+        there = locate(snapshot, name, experiment)
         for note in there.notes:
             err(f"note: {visible(note)}")
         ended = wait_for(awaited(until, there), fleet, wait_timeout, lambda text: err(visible(text)))

@@ -21,6 +21,7 @@ from srprov.controller.bringing import Home
 from srprov.controller.collected import Now, read_earlier
 from srprov.controller.fleet import Fleet
 from srprov.controller.located import containers_of
+from srprov.controller.ownership import looking, made_by_another
 from srprov.controller.results import Brought, bring_log, bring_results, listed
 from srprov.controller.trial_folder import alone, opened
 from srprov.definitions.expand import expand
@@ -65,8 +66,18 @@ class _Service(msgspec.Struct, frozen=True):
     results: tuple[Result, ...]
 
 
-def collect(fleet: Fleet, experiment: Experiment, instance: str, folder: Path, say: Say) -> dict[str, Any]:
+def collect(
+    fleet: Fleet, experiment: Experiment, instance: str, folder: Path, say: Say, *, source: str
+) -> dict[str, Any]:
     """Bring home what there is, and return what `collected.json` says.
+
+    Args:
+        fleet: The robots.
+        experiment: What the EDF says.
+        instance: The instance's id.
+        folder: Where it comes.
+        say: What is told meanwhile, also that another experiment than that of `source` made the instance.
+        source: Where the EDF comes from.
 
     Raises:
         UsageError: Nothing of the instance is on the robots, or the folder is another srprov's, or not as it was left.
@@ -74,6 +85,8 @@ def collect(fleet: Fleet, experiment: Experiment, instance: str, folder: Path, s
     """
     snapshot = fleet.gather(Detail.TRAFFIC, keep_mute=True)
     services = _services(snapshot, experiment, instance)
+    if said := made_by_another(looking(snapshot, instance).snapshot, instance, source):
+        say(f"note: {said}")
     private.make_folder(folder)
     with opened(folder) as place, alone(folder):
         earlier = read_earlier(place, instance)

@@ -135,6 +135,13 @@ def absent(snapshot: Snapshot, instance: str, known: Mapping[str, str], services
 
 def check_source(snapshot: Snapshot, instance: str, source: str, *, adopt: bool) -> None:
     """Refuse to take over what another experiment of the same name made."""
+    if not adopt and (said := made_by_another(snapshot, instance, source)):
+        hint = "run it under another name with --instance NAME, destroy the other one, or take it over with --adopt"
+        raise RefusedError(said, hint=hint, code=Code.OWNER)
+
+
+def made_by_another(snapshot: Snapshot, instance: str, source: str) -> str:
+    """Return, in words, which other experiment made an instance, and where; nothing where it is this one's."""
     known = read_record(snapshot.placements.get(instance))
     labelled = sorted(
         {
@@ -145,15 +152,12 @@ def check_source(snapshot: Snapshot, instance: str, source: str, *, adopt: bool)
         }
     )
     owners = [known.source] if known and known.source else labelled
-    if adopt or not owners:
-        return
+    if not owners:
+        return ""
     strange = {"these robots": owners[0]} if source not in owners else _made_otherwise(snapshot, instance, source)
     for where, other in sorted(strange.items()):
-        raise RefusedError(
-            f"instance '{instance}' on {where} was made from {other}, not from {source}",
-            hint="run it under another name with --instance NAME, destroy the other one, or take it over with --adopt",
-            code=Code.OWNER,
-        )
+        return f"instance '{instance}' on {where} was made from {other}, not from {source}"
+    return ""
 
 
 def _made_otherwise(snapshot: Snapshot, instance: str, source: str) -> dict[str, str]:

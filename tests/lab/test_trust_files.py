@@ -194,5 +194,9 @@ def test_another_file_s_container_of_the_same_name_gets_nothing_of_the_user_s(la
         assert done.code == code and str(other) in done.err and "planner@robot1" in done.err, done
     assert lab.shell(ROBOT, "docker", "exec", "srprov.nav.planner", "ls", "/tmp").out == ""
     assert not (tmp_path / "brought").exists()
+    asked = ("status",), ("logs",), ("wait", "--until", "healthy"), ("collect", "-o", str(tmp_path / "home"))
+    for file_, told in ((own, 1), (other, 0)):
+        notes = [lab.srprov(verb, str(file_), "-i", inventory, *more).err for verb, *more in asked]
+        assert [one.count(f"{other}, not from ") for one in notes] == [told] * 4, notes
     assert lab.srprov("cp", str(other), "-i", inventory, str(file), "planner:/tmp/").code == 0
     assert lab.srprov("cp", str(own), "-i", inventory, str(file), "planner@robot1:/tmp/").code == 0

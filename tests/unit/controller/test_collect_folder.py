@@ -37,7 +37,7 @@ def test_a_second_srprov_in_a_folder_is_refused_until_the_first_has_ended(tmp_pa
 
 
 def test_a_full_disk_is_an_error_that_names_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(*_given: Any) -> Any:
+    def full(*_given: Any, **_more: Any) -> Any:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "home/logs/robot1.web.log")
 
     monkeypatch.setattr(collection, "collect", full)
@@ -61,7 +61,7 @@ def pair() -> World:
 
 def collected(world: World, folder: Path, what: Experiment = PAIR) -> Any:
     """Collect, and return what is written."""
-    told = collection.collect(fleet(world), what, "hello", folder, lambda _said: None)
+    told = collection.collect(fleet(world), what, "hello", folder, lambda _said: None, source="")
     files = {name: json.loads((folder / f"{name}.json").read_text()) for name in ("collected", "containers", "facts")}
     assert files["collected"] == told
     return SimpleNamespace(**files)
