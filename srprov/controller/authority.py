@@ -70,7 +70,7 @@ def asked(saved: PlanFile) -> tuple[Permission, ...]:
     by_place = {str(place): service for place, service in enumerate(services)}
     whole = Experiment(name=plan.instance, file="", folder="", services=by_place, secrets=sources)
     reach = [one for network in _networks(saved) for one in permissions(replace(whole, services={}, network=network))]
-    unused = sent_for_nobody(steps, placed)
+    unused = [sources[name] for name in sent_for_nobody(steps, placed)]
     names = _names(saved)
     contexts = {tag: saved.contexts[tag] for tag in builds.keys() & {service.cdf for service in services}}
     built = {(one.host, one.name) for one in steps if one.module == "image" and one.params.source == "build"}
@@ -83,7 +83,7 @@ def asked(saved: PlanFile) -> tuple[Permission, ...]:
     return (
         *permissions(whole, builds),
         *reach,
-        *(Permission(kind="secret", service="", what=f"{name}, from {sources[name].origin}") for name in unused),
+        *(Permission(kind=one.kind, service="", what=f"{one.name}, from {one.origin}") for one in unused),
         *sorted({fetch(url) for want in wants_of(saved) if (url := _url(want))}, key=lambda one: one.what),
         *(Permission(kind="playbook", service=want.id, what=_shown(want)) for want in strange),
     )

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from srprov.facts.model import Snapshot
     from srprov.planning.planfile import PlanFile
 
-_NOT_THERE = (*COPIED_FIRST, "env", "secret", "fetch", "playbook", "unit")
+_NOT_THERE = (*COPIED_FIRST, "env", "secret", "secret-command", "fetch", "playbook", "unit")
 """Kinds that a machine which runs Compose is not asked for: whoever uses the files gives it, or it is left out."""
 
 

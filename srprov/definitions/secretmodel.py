@@ -38,6 +38,11 @@ class SecretSource(msgspec.Struct, frozen=True, kw_only=True):
     """The line of the EDF, for error messages."""
 
     @property
+    def kind(self) -> str:
+        """Return which permission it takes: a program here, in a folder of a stranger's, is more than a value."""
+        return "secret-command" if self.command else "secret"
+
+    @property
     def origin(self) -> str:
         """Return where it comes from, as plans and permissions show it."""
         if self.command:

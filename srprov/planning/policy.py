@@ -45,10 +45,10 @@ KINDS = (
     "git",
     "outside",
     "env",
-    "secret",
+    *("secret", "secret-command"),
     "playbook",
 )
-ASKED_FIRST = ("git", "outside", "env", "secret", "playbook")
+ASKED_FIRST = ("git", "outside", "env", "secret", "secret-command", "playbook")
 """Kinds that `plan` must not serve without permission either: to plan is to fetch, read, render or ask for it."""
 _REALTIME = ("memlock", "nice", "rtprio", "rttime")
 """Limits that take memory or the processor away from everything else on the robot."""
@@ -86,8 +86,8 @@ def permissions(
     for service in experiment.services.values():
         for use in service.secrets:
             # whoever writes an EDF could name any variable, file or program of the controller
-            what = f"{use.source}, from {experiment.secrets[use.source].origin}"
-            found.append(Permission(kind="secret", service=service.name, what=what))
+            source = experiment.secrets[use.source]
+            found.append(Permission(kind=source.kind, service=service.name, what=f"{use.source}, from {source.origin}"))
     urls = {mount.url for one in experiment.services.values() for mount in one.runtime.mounts if mount.url}
     found += (fetch(url) for url in urls)
     # what leaves the controller lies in the experiment's folder, or is named here

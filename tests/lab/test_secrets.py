@@ -128,7 +128,8 @@ class Stage:
     def run(self, verb: str, *arguments: str, code: int = 0, **env: str) -> Done:
         """Run srprov with the secrets given to it; keep what it says."""
         given = {"CANARY_BY_ENV": self.values["by-env"], "SRPROV_RUNS": str(self.runs), **env}
-        allowed = ["--allow", "secret", "--allow", "restart-always"] if verb in ("plan", "apply") else []
+        kinds = ("secret", "secret-command", "restart-always") if verb in ("plan", "apply") else ()
+        allowed = [word for kind in kinds for word in ("--allow", kind)]
         done = self.lab.srprov(verb, *arguments, *allowed, "-i", self.inventory, env=given)
         self.said.append(f"{verb} {done}")
         assert done.code == code, done

@@ -246,7 +246,7 @@ def test_every_kind_is_asked_by_something() -> None:
     of_images = {"fetch", "built-image", "engine-fetch"}
     assert {kind for _, asked in ASKS for kind, _ in asked} | of_images | {
         "unit",
-        "secret",
+        *("secret", "secret-command"),
         "playbook",
         "env",
         "outside",

@@ -21,7 +21,7 @@ from tools.site.stage import links, sources, stage
 
 PERMISSIONS = (ROOT / "docs" / "permissions.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"^\| `([a-z-]+)` \| `([^`]+)`", PERMISSIONS, re.MULTILINE)
-OTHER = {"git", "playbook", "secret"}
+OTHER = {"git", "playbook", "secret", "secret-command"}
 """Kinds whose examples need more than one line of an EDF."""
 
 
