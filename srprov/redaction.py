@@ -26,13 +26,12 @@ _SHORTEST_PART = 8
 _SHORTEST_SHIFTED = 6
 _HEAD = 32
 """Characters of a form that are compared first."""
-_MOST_KEPT = 16 * 1024
-"""Characters of a stream that are kept back while a secret may begin in them."""
+_LONG = 4096
+"""Characters of a text that is first looked through as a whole."""
 _WRAP = re.compile(r"\r?(?:\n|(?:\\r)?\\n)[ \t\r\n]*")
 """A line's end, also as JSON writes it, with the indentation of the next one."""
 _SEPARATED = re.compile(r"(?:[0-9a-fA-F](?:[\s:,%-]|\\x)*){7,}[0-9a-fA-F]")
 _SEPARATOR = re.compile(r"(?:[\s:,%-]|\\x)+")
-_HEX_OR_SEPARATOR = frozenset("0123456789abcdefABCDEF :,%-\\x\t\r\n")
 
 Span = tuple[int, int]
 
@@ -111,33 +110,46 @@ class _Forms:
     """Texts to look for, by their first characters: a text is gone through once, not once per form."""
 
     def __init__(self, found: Iterable[str]) -> None:
+        self._every = frozenset(found)
         by_start: dict[str, list[str]] = {}
-        for form in sorted(found):
+        for form in sorted(self._every):
             by_start.setdefault(form[:SHORTEST], []).append(form)
         self.by_start: Mapping[str, list[str]] = by_start
-        self.begins = {start[:size] for start in by_start for size in range(1, SHORTEST)}
-        self.longest = max((len(form) for each in by_start.values() for form in each), default=0)
 
-    def spans(self, text: str) -> tuple[list[Span], int]:
-        """Return every place where a form stands, in order, and where one begins that the text's end cuts off."""
+    @functools.cached_property
+    def _stands_in(self) -> Callable[[bytes], bool]:
+        return search(self._every)
+
+    def may_stand_in(self, text: str) -> bool:
+        """Tell whether a form may stand in a text; of a long one this takes as long whatever is like a form in it.
+
+        A robot that says much could tell from the time how a secret begins.
+        """
+        if len(text) < _LONG:
+            return True
+        try:
+            return self._stands_in(in_bytes(text))
+        except UnicodeEncodeError:  # half of a surrogate pair
+            return True
+
+    def spans(self, text: str) -> list[Span]:
+        """Return every place where a form stands, in order."""
         found: list[Span] = []
-        end = length = len(text)
+        if not self.may_stand_in(text):
+            return found
+        length = len(text)
         effort = 16 * length + (1 << 20)
         by_start = self.by_start
         for at in [at for at in range(length - SHORTEST + 1) if text[at : at + SHORTEST] in by_start]:
             for form in by_start[text[at : at + SHORTEST]]:
-                if not text.startswith(form[:_HEAD], at) and length - at >= _HEAD:
+                if not text.startswith(form[:_HEAD], at):
                     continue
                 effort -= min(len(form), length - at)
                 if effort < 0:  # a text made of half secrets: rather none of it than a search without end
-                    return [*found, (at, length)], length
+                    return [*found, (at, length)]
                 if text.startswith(form, at):
                     found.append((at, at + len(form)))
-                elif len(form) > length - at and form.startswith(text[at:]):
-                    end = min(end, at)
-        for at in range(max(0, length - SHORTEST + 1), length):
-            end = min(end, at) if text[at:] in self.begins else end
-        return found, end
+        return found
 
 
 class _View:
@@ -195,53 +207,33 @@ class Known:
         """Tell whether any form stands in bytes as it is, without wraps and separators between."""
         return search({form for each in self._found.values() for form in each})
 
-    def spans(self, text: str) -> tuple[list[Span], int]:
-        """Return every place of a secret, in order, and where one may begin that the end cuts off."""
-        found, end = self._texts.spans(text)
+    def _spans(self, text: str) -> list[Span]:
+        """Return every place of a secret, in order."""
+        found = self._texts.spans(text)
         if "\n" in text or "\\n" in text:
             view = _View(text, _WRAP)
-            more, cut = self._texts.spans(view.text)
-            found += view.spans(more)
-            end = min([end, *(start for start, _ in view.spans([(cut, cut + 1)] if cut < len(view.text) else []))])
-        for run in _SEPARATED.finditer(text):
-            view = _View(text, _SEPARATOR, run.start(), run.end())
-            found += view.spans(self._hex.spans(view.text.lower())[0])
-        return sorted(found), end
+            found += view.spans(self._texts.spans(view.text))
+        runs = [_View(text, _SEPARATOR, run.start(), run.end()) for run in _SEPARATED.finditer(text)]
+        if self._hex.may_stand_in("\n".join(view.text for view in runs).lower()):
+            found += [one for view in runs for one in view.spans(self._hex.spans(view.text.lower()))]
+        return sorted(found)
 
-    def begun(self, text: str) -> int:
-        """Return where a secret may begin that the text's end cuts off; its length where none does."""
-        end = self.spans(text)[1]
-        start = len(text)
-        while start > max(0, len(text) - _MOST_KEPT) and text[start - 1] in _HEX_OR_SEPARATOR:
-            start -= 1
-        view = _View(text, _SEPARATOR, start)
-        cut = self._hex.spans(view.text.lower())[1]
-        return min([end, *(at for at, _ in view.spans([(cut, cut + 1)] if cut < len(view.text) else []))])
+    def masks(self, text: str) -> list[Span]:
+        """Return what of a text is not to be shown, in order; a line's end that a secret ends with stays one."""
+        masks: list[Span] = []
+        for start, found in self._spans(text):
+            stop = start + len(text[start:found].rstrip("\r\n"))
+            if masks and start <= masks[-1][1]:  # what overlaps or touches the one before is one mask with it
+                masks[-1] = masks[-1][0], max(masks[-1][1], stop)
+            else:
+                masks.append((start, stop))
+        return masks
 
     def without(self, text: str) -> str:
-        """Return a text with every secret as `***`; a line's end that a secret ends with stays one."""
+        """Return a text with every secret as `***`."""
         parts: list[str] = []
         end = 0
-        for start, found in self.spans(text)[0]:
-            stop = start + len(text[start:found].rstrip("\r\n"))
-            if not parts or start > end:  # what overlaps or touches the one before is one mask with it
-                parts += [text[end:start], MASK]
-            end = max(end, stop)
+        for start, stop in self.masks(text):
+            parts += [text[end:start], MASK]
+            end = stop
         return "".join([*parts, text[end:]]) if parts else text
-
-    def lines_without(self, lines: Iterable[str]) -> Iterator[str]:
-        """Return a stream's lines without secrets; a line that may end within one waits for the next."""
-        kept = ""
-        try:
-            for line in lines:
-                text = f"{kept}\n{line}" if kept else line
-                begun = self.begun(text)
-                if begun < len(text) and len(text) - begun < _MOST_KEPT:
-                    kept = text
-                    continue
-                kept = ""
-                yield from (self.without(text[:begun]) + MASK * (begun < len(text))).split("\n")
-        except Exception:  # the stream broke: what came before is shown first
-            yield from self.without(kept).split("\n") if kept else ()
-            raise
-        yield from self.without(kept).split("\n") if kept else ()

@@ -14,6 +14,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from srprov.redaction import MASK, SHORTEST, Known, forms, in_bytes
+from srprov.redaction_lines import as_they_come, lines_without, together
 
 __all__ = ["MASK", "SHORTEST", "Hidden", "Secret", "Vault", "forget", "holds", "redact", "redact_lines", "redacted"]
 
@@ -154,9 +155,14 @@ def holds(data: bytes) -> bool:
     return _all.known.stands_in(data)
 
 
-def redact_lines(lines: Iterable[str]) -> Iterator[str]:
-    """Return the lines of a stream with every known secret as `***`, also one that a line's end breaks."""
-    return _all.known.lines_without(lines) if _all.known else iter(lines)
+def redact_lines(lines: Iterable[str], *, live: bool = False) -> Iterator[str]:
+    """Return the lines of a stream, as many as came, with every known secret as `***`, also one that lines break.
+
+    With `live` none waits longer than two moments for those that come next; a thread takes them then.
+    """
+    if not _all.known:
+        return iter(lines)
+    return lines_without(_all.known, as_they_come(lines) if live else together(lines))
 
 
 def redacted(value: object) -> object:

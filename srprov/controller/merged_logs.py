@@ -17,7 +17,7 @@ import msgspec
 
 from srprov.codes import Code
 from srprov.errors import TransportError
-from srprov.secret import MASK, redact_lines
+from srprov.secret import redact_lines
 from srprov.session import Session
 from srprov.trials.reading import engine_time, read
 from srprov.wire import EngineQuery
@@ -207,27 +207,18 @@ def _lines(source: Source, wanted: Wanted) -> Iterator[LogLine]:
 
 def _redacted(source: Source, tail: int, since: str, follow: bool) -> Iterator[LogLine]:
     """Return the lines of a log, as far as the engine gives it at once."""
-    waiting: deque[tuple[str, str]] = deque()
-    """Times and texts that are not yet given: more than one while a secret may go on in the next."""
-    given = False
+    times: deque[str] = deque()
+    """Of the lines that are not yet given."""
 
     def texts() -> Iterator[str]:
-        nonlocal given
         log = source.session.container_log(source.container, tail=tail, follow=follow, times=True, since=since)
         for line in log:
-            if given:  # what is left is of lines that one secret made fewer
-                waiting.clear()
-                given = False
             match = _TIME.match(line)
-            waiting.append((match[1], line[match.end() :]) if match else ("", line))
-            yield waiting[-1][1]
+            times.append(match[1] if match else "")
+            yield line[match.end() :] if match else line
 
-    for text in redact_lines(texts()):
-        given = True  # of lines that one secret makes one, the first time counts
-        when, raw = waiting.popleft() if waiting else ("", text)
-        while waiting and raw != text and MASK not in text:
-            when, raw = waiting.popleft()
-        yield LogLine(source=source, time=when, text=text)
+    for text in redact_lines(texts(), live=True):
+        yield LogLine(source=source, time=times.popleft(), text=text)
 
 
 def _goes_on(source: Source) -> bool:

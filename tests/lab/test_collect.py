@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -116,3 +117,22 @@ def test_what_an_applied_experiment_left_comes_home(lab: Lab, tmp_path: Path) ->
     assert other.code == 5 and "is of kept" in other.err, other
     gone = lab.srprov("destroy", str(file), "-i", inventory, "--yes")
     assert gone.code == 0 and lab.shell("robot1", "docker", "volume", "ls", "-q").out == "", gone
+
+
+def test_no_robot_learns_from_its_log_how_a_password_begins(lab: Lab, tmp_path: Path) -> None:
+    """With blanks behind it, as a wrap has them, a right beginning was hidden; and the time told which one it was."""
+    file, home = tmp_path / "guess.edf", tmp_path / "home"
+    guesses = ["w", "wal", "walnut42-walnu", "x", "way"]
+    blanks = "$(head -c 17000 /dev/zero | tr '\\0' ' ')"
+    script = f'b="{blanks}"; ' + "".join(f'echo "guess {one}\\\\n$b"; echo .; ' for one in guesses)
+    file.write_text(edf("guess", {"liar": busybox("sh", "-c", f"{script} sleep 86400", robot="robot2")}))
+    robots = {"robot3": {"ansible_become_password": "walnut42-walnut"}}
+    inventory = part_of_lab(lab, ("robot2", "robot3"), tmp_path / "inventory.yml", **robots)
+    applied = lab.srprov("apply", str(file), "-i", inventory, "--yes")
+    assert applied.code == 0, applied
+    collected = lab.srprov("collect", str(file), "-i", inventory, "-o", str(home))
+    assert collected.code == 0, collected
+    log = (home / "logs/robot2.liar.log").read_text()
+    assert re.findall(r"guess (\S+?)\\n {17000}$", log, re.MULTILINE) == guesses
+    followed = lab.srprov("logs", str(file), "-i", inventory, "--since", "1h")
+    assert [followed.out.count(f"guess {one}\\n   ") for one in guesses] == [1] * len(guesses)
