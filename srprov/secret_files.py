@@ -1,4 +1,4 @@
-"""Files that a secret was ever read from on this machine: the user's own, whatever an experiment calls them by now.
+"""Files of secrets that a user ever allowed on this machine: his own, whatever an experiment calls them by now.
 
 Gives paths; reads the list of them, which `record.memory` writes below the user's folder for state. A list that is
 missing or broken is an empty one.
@@ -21,9 +21,14 @@ def place() -> Path:
 
 
 def known() -> frozenset[str]:
-    """Return the real paths of files that a secret was read from, by whatever experiment."""
+    """Return the real paths of files of secrets, of whatever experiment."""
+    return frozenset(listed())
+
+
+def listed() -> list[str]:
+    """Return them in their order, the newest last; each as it was written, as a name need not be text."""
     try:
         kept = mapping(parse_json(believed.read(place(), LONGEST).decode()))
     except (OSError, ValueError):
-        return frozenset()
-    return frozenset(path for path, some in kept.items() if isinstance(some, list))
+        return []
+    return [path for path, some in kept.items() if isinstance(some, list)]

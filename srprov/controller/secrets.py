@@ -1,7 +1,7 @@
 """The values of secrets, read only where the user allowed it.
 
-Takes what a run starts from, an experiment or a plan from a file; gives a Vault. Reads variables, files and the output
-of programs of the controller, and remembers which files these were: see `own_files`. The vault goes into wanted
+Takes what a run starts from, an experiment or a plan from a file; gives a Vault. Remembers which files are secrets',
+then reads variables, files and the output of programs of the controller: see `own_files`. The vault goes into wanted
 resources, for their hashes (`with_value`), and into sessions, which write the values.
 
 What a plan file names is read after the user saw the plan and said yes: `HeldSecrets`.
@@ -10,13 +10,14 @@ What a plan file names is read after the user saw the plan and said yes: `HeldSe
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, MutableMapping
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
 from srprov.controller.permissions import permit_planning
 from srprov.definitions.model import Definitions
+from srprov.definitions.secrets import files_of
 from srprov.definitions.secretvalues import resolve, used
 from srprov.planning.policy import permissions
 from srprov.record.memory import note_secret_files
@@ -35,11 +36,14 @@ def read_secrets(source: Definitions, allowed: Collection[str]) -> Vault:
     Raises:
         RefusedError: The user did not allow it: an EDF could name any variable, file or program of the controller.
         DefinitionError: With every variable, file and command that gave no value.
+        UsageError: As `note_secret_files`.
     """
     if source.unsupported:
         return Vault()  # refused as soon as a plan is made, with all that is not built
     permit_planning(permissions(source.experiment, source.containers), allowed)
-    return _read(used(source.experiment))
+    wanted = used(source.experiment)
+    _note(wanted)
+    return resolve(wanted)
 
 
 class HeldSecrets:
@@ -64,23 +68,37 @@ class HeldSecrets:
 
         Raises:
             DefinitionError: With every variable, file and command that gave no value.
+            UsageError: As `note_secret_files`.
         """
         if self._variables is None:
             return planned
         from srprov.modules.secret import with_value
 
-        self.vault.fill(_read(secret_sources(planned.plan), {**os.environ, **self._variables}))
+        sources = secret_sources(planned.plan)
+        _note(sources)
+        self.vault.fill(resolve(sources, {**os.environ, **self._variables}))
         steps = tuple(
             replace(step, want=with_value(step.want, self.vault)) if step.want else step for step in planned.plan.steps
         )
         return replace(planned, plan=replace(planned.plan, steps=steps))
 
 
-def _read(sources: Collection[SecretSource], environ: MutableMapping[str, str] | None = None) -> Vault:
-    """Read values; the files stay those of secrets for this machine, whatever another version of the EDF calls them."""
-    found = resolve(sources, environ)
+def note_named(file: str, allowed: Collection[str]) -> None:
+    """Remember what an EDF calls files of secrets, where its user allows secrets, before anything else of it is read.
+
+    They stay so, whatever comes of that: whoever writes the EDF can have it fail, by a mistake, or by what its user
+    does not allow, and call a file that lies there something else in the next version.
+
+    Raises:
+        UsageError: As `note_secret_files`.
+    """
+    if not {"secret", "all"}.isdisjoint(allowed):
+        note_secret_files(files_of(file))
+
+
+def _note(sources: Collection[SecretSource]) -> None:
+    """Remember files as those of secrets, before any value is read."""
     note_secret_files({os.path.realpath(one.file) for one in sources if one.file})
-    return found
 
 
 def secret_sources(plan: Plan) -> tuple[SecretSource, ...]:

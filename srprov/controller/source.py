@@ -124,6 +124,10 @@ def fetched(
         DefinitionError: With everything that is wrong with it.
         RefusedError: The user did not allow it.
     """
+    if allowed:
+        from srprov.controller.secrets import note_named
+
+        note_named(file, allowed)
     found = load_experiment(file, environ)
     if not found.experiment.remote:
         return found

@@ -1,11 +1,12 @@
 """`secrets` of an EDF and of its services -> where each value comes from, and which container sees it where.
 
 Takes the root's and a service's map, whose shape the schema has checked; gives values, and problems at their lines.
-Touches nothing: no value is read here (`secretvalues.py` does that, for plan and apply only).
+No value is read here (`secretvalues.py` does that, for plan and apply only).
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
 import posixpath
 import re
@@ -15,13 +16,14 @@ from types import MappingProxyType
 from msgspec.structs import replace
 
 from srprov.codes import Code
-from srprov.definitions import values
+from srprov.definitions import schema, values
 from srprov.definitions.containermodel import Mount
 from srprov.definitions.model import Service
 from srprov.definitions.secretmodel import SecretSource, SecretUse, is_gone_by
 from srprov.definitions.values import text
-from srprov.errors import did_you_mean
-from srprov.yamldoc import nodes
+from srprov.errors import DefinitionError, did_you_mean
+from srprov.yamldoc import loader, nodes
+from srprov.yamldoc.allowance import allowance
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
 _FOLDER = "/run/secrets"
@@ -41,6 +43,19 @@ def sources(root: Map, folder: str, findings: Findings) -> Mapping[str, SecretSo
             if isinstance(entry, Map) and not findings.broken(("secrets", name)):
                 found[name] = _source(name, given.keys[name], entry, folder, findings)
     return MappingProxyType(found)
+
+
+def files_of(path: str) -> set[str]:
+    """Return the real paths of files that an EDF calls secrets', whatever is wrong with it but that it is no YAML."""
+    found: set[str] = set()
+    with contextlib.suppress(DefinitionError), allowance(schema.MOST_BYTES, schema.MOST_VALUES):
+        root = loader.read(path)
+        given = root.entries.get("secrets") if isinstance(root, Map) else None
+        for entry in given.entries.values() if isinstance(given, Map) else ():
+            file = entry.entries.get("file") if isinstance(entry, Map) else None
+            if isinstance(file, Scalar):
+                found.add(_real(os.path.dirname(os.path.abspath(path)), file.text))
+    return found
 
 
 def _source(name: str, key: Scalar, entry: Map, folder: str, findings: Findings) -> SecretSource:

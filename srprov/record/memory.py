@@ -18,6 +18,8 @@ from typing import Any
 import msgspec
 
 from srprov import believed, secret_files
+from srprov.codes import Code
+from srprov.errors import UsageError
 from srprov.record.folder import default_root
 from srprov.untrusted import mapping, parse_json, string, string_map, strings
 
@@ -100,8 +102,23 @@ def note_ran(had: Mapping[str, Collection[str]]) -> str:
 
 
 def note_secret_files(paths: Collection[str]) -> str:
-    """Remember that secrets were read from some files, never what; return why that is not possible, or nothing."""
-    return _add(secret_files.place(), {path: () for path in paths})
+    """Remember that some files are secrets', never what is in them; return why that is not possible, or nothing.
+
+    None that is there is forgotten for others: whoever calls thousands of files so would have the first one shipped.
+
+    Raises:
+        UsageError: They are more than the list can hold.
+    """
+    before, place = secret_files.listed(), secret_files.place()
+    if set(paths) <= set(before):
+        return ""
+    every = [*(one for one in before if one not in paths), *sorted(paths)]
+    forgotten = {*[one for one in every if not os.path.lexists(one)][:-_MOST_KEPT]}
+    document: dict[str, list[str]] = {one: [] for one in every if one not in forgotten}
+    if len(json.dumps(document)) > secret_files.LONGEST:
+        hint = f"remove from {place} those that are no secrets' any more"
+        raise UsageError("too many files are known as secrets'", hint=hint, code=Code.CANNOT_WRITE)
+    return _write(place, document)
 
 
 def _sets(place: Path) -> dict[str, frozenset[str]]:

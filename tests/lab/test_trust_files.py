@@ -94,6 +94,25 @@ def test_the_file_of_a_secret_is_shipped_by_no_later_version_unasked(lab: Lab, t
     assert refused.code == 9 and f"a: outside ({tmp_path}/keys/token)" in refused.err, refused
 
 
+def test_the_file_of_a_secret_is_shipped_by_no_later_version_where_the_first_one_failed(
+    lab: Lab, tmp_path: Path
+) -> None:
+    """The first version also wants a secret that nobody has, so that nothing was done when its user allowed secrets."""
+    inventory = part_of_lab(lab, [ROBOT], tmp_path / "lab.yml")
+    (tmp_path / "keys").mkdir()
+    (tmp_path / "keys" / "token").write_text(VALUE, encoding="utf-8")
+    path = tmp_path / "failed.edf"
+    words = ("apply", str(path), "-i", inventory, "--yes", "--settle", "0", "--no-probe")
+    secrets = {"token": {"file": "keys/token"}, "label": {"env": "NOBODY_HAS_THIS"}}
+    path.write_text(edf("failed", {"a": busybox(secrets=["token", "label"])}, secrets=secrets), encoding="utf-8")
+    failed = lab.srprov(*words, "--allow", "secret")
+    assert failed.code == 5 and "NOBODY_HAS_THIS" in failed.err, failed
+    path.write_text(edf("failed", {"a": busybox(volumes=["./keys:/keys"])}), encoding="utf-8")
+    refused = lab.srprov(*words)
+    assert refused.code == 9 and f"a: outside ({tmp_path}/keys/token)" in refused.err, refused
+    assert VALUE not in lab.shell(ROBOT, "sh", "-c", "cat /var/lib/srprov/failed/trees/*/keys/token; :").out
+
+
 def test_no_token_of_a_clone_is_shipped_whatever_the_project_is_called(lab: Lab, tmp_path: Path) -> None:
     """A project for computer vision, of the name that CVS gives its own folders; its EDF mounts all of it."""
     inventory = part_of_lab(lab, [ROBOT], tmp_path / "lab.yml")

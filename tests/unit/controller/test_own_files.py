@@ -27,10 +27,11 @@ from srprov.controller.own_files import asked_for, permit_copies
 from srprov.controller.plan import make_plan
 from srprov.controller.request import PlanRequest
 from srprov.controller.secrets import read_secrets
+from srprov.controller.source import read_definitions
 from srprov.definitions import load_experiment, load_inventory, version_control
 from srprov.definitions.lockfile import Lock
 from srprov.definitions.model import Inventory
-from srprov.errors import RefusedError
+from srprov.errors import DefinitionError, RefusedError
 from srprov.facts.gather import Gathering
 from srprov.secret import Vault
 from tests.fakes import World
@@ -334,6 +335,42 @@ def test_the_file_of_a_secret_stays_one_in_the_next_version_of_the_edf(here: Pat
     assert asked() == [("a", "parts/token")]
     with pytest.raises(RefusedError, match="parts/token"):
         permit_copies(load_experiment("e.edf"), ())
+
+
+@pytest.mark.parametrize(
+    ("service", "more"),
+    [
+        ("image: x, secrets: [t, u]", ", u: {env: NOBODY_HAS_THIS}"),
+        ("image: x, secrets: [t, u]", ", u: {file: parts/nowhere}"),
+        ("cdf: ../elsewhere.cdf, secrets: [t]", ""),
+        ("cdf: {git: 'https://host.example/a.git', path: a.cdf}, secrets: [t]", ""),
+        ("image: x, secrets: [t], environment: [NOBODY_HAS_THIS]", ""),
+        ("image: x, secrets: [t], no_such_key: 1", ", u: {file: [1]}, v: 1"),
+    ],
+)
+def test_the_file_of_a_secret_is_one_also_where_the_run_that_was_allowed_it_failed(
+    here: Path, service: str, more: str
+) -> None:
+    """Whoever writes the EDF has its first version fail: by a mistake, or by what its user does not allow."""
+    Path("parts/token").write_text("a token")
+    Path("../elsewhere.cdf").write_text("cdf: 1\nimage: x\n")
+    secrets = f"secrets: {{t: {{file: parts/token}}{more}}}\n"
+    Path("e.edf").write_text(f"edf: 1\nname: nav\nservices: {{a: {{{service}}}}}\n{secrets}")
+    with pytest.raises((DefinitionError, RefusedError)):
+        read_secrets(read_definitions("e.edf", ("secret",)), ("secret",))
+    Path("e.edf").write_text('edf: 1\nname: nav\nservices: {a: {image: x, volumes: ["./parts:/parts"]}}\n')
+    assert asked() == [("a", "parts/token")]
+
+
+def test_what_nobody_allowed_makes_no_file_one_of_a_secret(here: Path) -> None:
+    """Any EDF could name any file, and other experiments would have to ask for it."""
+    Path("parts/token").write_text("a token")
+    secrets = "a: {image: x, secrets: [t]}}\nsecrets: {t: {file: parts/token}}\n"
+    Path("e.edf").write_text(f"edf: 1\nname: nav\nservices: {{{secrets}")
+    with pytest.raises(RefusedError):
+        read_secrets(read_definitions("e.edf", ("secret-command",)), ("secret-command",))
+    Path("e.edf").write_text('edf: 1\nname: nav\nservices: {a: {image: x, volumes: ["./parts:/parts"]}}\n')
+    assert asked() == []
 
 
 def test_a_file_of_a_secret_is_known_by_another_name_that_the_disk_has_for_it(here: Path) -> None:
