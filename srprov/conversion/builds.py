@@ -46,7 +46,7 @@ def _dockerfile(build: Mapping[str, Any], service: str, project: Project, path: 
     place = _context_place(context, project, (*path, "context"))
     if not place:
         return None
-    project.take(context)
+    project.take(context, (*path, "context"))
     found: dict[str, Any] = {"context": place}
     text = _text(build, context, service, found, project, path)
     if text is None:
@@ -64,7 +64,7 @@ def _context_place(context: str, project: Project, path: Path) -> str:
         hint = "clone it beside the Compose file, and name the folder"
         project.notes.refused(path, f"'{context[:80]}' is no folder", hint)
         return ""
-    place = project.place(context)
+    place = project.place(context, path)
     if place and os.path.isdir(project.path(context)):
         return place
     what = "lies outside of the files' folder" if not place else "is no folder"
@@ -84,7 +84,7 @@ def _text(
         return str(inline)
     named = str(build.get("dockerfile") or "Dockerfile")
     source = project.path(os.path.join(context, named))
-    place = project.take(source)
+    place = project.take(source, (*path, "dockerfile"))
     if not place:
         project.notes.refused(
             (*path, "dockerfile"), f"'{named[:80]}' lies outside of the files' folder", "copy it there"

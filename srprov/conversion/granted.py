@@ -94,9 +94,9 @@ def _shipped(entry: Mapping[str, Any], name: str, path: Path, project: Project) 
     if not source:
         project.notes.refused(path, f"the content of '{name[:60]}' is not here", "give it a 'file' or a 'content'")
         return ""
-    place = project.place(source)
+    place = project.place(source, (*path, "file"))
     if not place or not os.path.exists(project.path(source)):
         what = "lies outside of the files' folder" if not place else "does not exist"
         project.notes.refused((*path, "file"), f"'{source[:80]}' {what}")
         return ""
-    return project.take(source)
+    return project.take(source, (*path, "file"))

@@ -79,7 +79,8 @@ def _named(given: Mapping[str, Any], one: Mapping[str, Any], service: str, proje
         return _short(_volume_name(str(name), project), one)
     if device.startswith("/"):
         return _short(device, one)
-    return _bind(given, {**one, "source": device}, project, path) if device else None
+    at = ("volumes", str(name), "driver_opts", "device")
+    return _bind(given, {**one, "source": device}, project, path, at) if device else None
 
 
 def _volume_name(name: str, project: Project) -> str:
@@ -112,19 +113,22 @@ def _device(name: str, project: Project) -> str | None:
     return ""
 
 
-def _bind(given: Mapping[str, Any], one: Mapping[str, Any], project: Project, path: Path) -> object:
-    source = str(one.get("source", ""))
+def _bind(
+    given: Mapping[str, Any], one: Mapping[str, Any], project: Project, path: Path, named: Path = ()
+) -> object:  # fmt: skip
+    """Return a mount of a path; `named` is where that stands, if not in the mount itself."""
+    source, at = str(one.get("source", "")), named or (*path, "source")
     if home := _HOME.match(source):
         return _at_home(one, home, project, path)
     if source.startswith("/"):
         return _absolute(source, one, project, path)
-    if not project.place(source):
+    if not project.place(source, at):
         hint = "copy it beside the Compose file: what lies elsewhere is not read"
         project.notes.refused(path, f"'{source[:80]}' lies outside of the files' folder", hint)
         return None
     if one.get("read_only") or os.path.isfile(project.path(source)):
-        return _shipped(source, one, project, path)
-    return _seeded(source, given, one, project, path)
+        return _shipped(source, one, project, path, at)
+    return _seeded(source, given, one, project, path, at)
 
 
 def _at_home(one: Mapping[str, Any], home: re.Match[str], project: Project, path: Path) -> object:
@@ -155,7 +159,7 @@ def _absolute(source: str, one: Mapping[str, Any], project: Project, path: Path)
     return _short(source, one)
 
 
-def _shipped(source: str, one: Mapping[str, Any], project: Project, path: Path) -> object:
+def _shipped(source: str, one: Mapping[str, Any], project: Project, path: Path, at: Path) -> object:
     if not os.path.exists(project.path(source)):
         hint = "Compose would mount an empty folder; make it, or leave it out"
         project.notes.refused(path, f"'{source[:80]}' does not exist", hint)
@@ -163,14 +167,16 @@ def _shipped(source: str, one: Mapping[str, Any], project: Project, path: Path) 
     if not one.get("read_only"):
         words = "a file is shipped to the robot read-only"
         project.notes.adapted(path, words, "for a service that writes to it, mount its folder, which becomes a volume")
-    return _short(f"./{project.take(source)}", {**one, "read_only": False})
+    return _short(f"./{project.take(source, at)}", {**one, "read_only": False})
 
 
-def _seeded(source: str, given: Mapping[str, Any], one: Mapping[str, Any], project: Project, path: Path) -> object:
-    place = project.place(source)
+def _seeded(
+    source: str, given: Mapping[str, Any], one: Mapping[str, Any], project: Project, path: Path, at: Path
+) -> object:  # fmt: skip
+    place = project.place(source, at)
     name = _seed_name(place, project)
     if os.path.isdir(project.path(source)):
-        project.take(source)
+        project.take(source, at)
         user = str(given.get("user") or "")
         owner = {"user": user} if _NUMBERS.fullmatch(user) else {}
         project.making.volumes.setdefault(name, {"seed": f"./{place}", **owner})

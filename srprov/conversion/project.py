@@ -17,6 +17,7 @@ import msgspec
 from srprov import names
 from srprov.conversion.notes import Notes
 from srprov.definitions.paths import belongs
+from srprov.importing.compose.source import open_to
 from srprov.importing.normal import Normal
 from srprov.importing.position import Path
 
@@ -29,9 +30,8 @@ class Machine(msgspec.Struct, frozen=True):
 
     normal: Normal
     folders: tuple[str, ...]
-    """Real paths of the folders of its files: what these name is taken from there, and from nowhere else.
-
-    Relative paths begin at the first.
+    """Real paths of the folders of its files: what one of these names is taken from the one in which it lies, and from
+    nowhere else. Relative paths begin at the first.
     """
     robot: str = ""
     """The robot that it is pinned to."""
@@ -101,21 +101,24 @@ class Project:
         """The folder that the paths of copies are relative to."""
         return os.path.commonpath(self.machine.folders)
 
-    def place(self, source: str) -> str:
-        """Return where a file or folder goes in the experiment.
+    def place(self, source: str, at: Path) -> str:
+        """Return where a file or folder goes in the experiment that is named at a path of the document.
 
-        Empty when it lies outside of the files' folders, or in what version control keeps there, such as tokens.
+        Empty when it lies outside of the folders of which the file that says so may name others, or in what version
+        control keeps there, such as tokens.
         """
-        real = os.path.realpath(self.path(source))
-        if not any(belongs(real, one) for one in self.machine.folders):
+        real, folders, sources = os.path.realpath(self.path(source)), self.machine.folders, self.notes.normal.sources
+        if sources is not None:
+            folders = tuple(open_to(folders, sources.get(self.notes.normal.position_of(at).file, ())))
+        if not any(belongs(real, one) for one in folders):
             return ""
         below = os.path.relpath(real, self.base)
         first = [FILES, *([_word(self.machine.robot)] if self.machine.robot else [])]
         return os.path.normpath(os.path.join(*first, below))
 
-    def take(self, source: str) -> str:
+    def take(self, source: str, at: Path) -> str:
         """Have a file or folder copied into the experiment, and return its path there; empty when it lies outside."""
-        place = self.place(source)
+        place = self.place(source, at)
         if place:
             self.making.copies[place] = os.path.realpath(self.path(source))
         return place

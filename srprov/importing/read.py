@@ -57,8 +57,9 @@ def normalise(
     """
     with allowance(MOST_BYTES, MOST_VALUES):
         named = [File(str(file), str(file)) for file in files]
-        roots = {os.path.dirname(os.path.realpath(file.path)) for file in named}
-        reading = Reading(tuple(sorted(roots)), frozenset(own))
+        roots = dict.fromkeys(os.path.dirname(os.path.realpath(file.path)) for file in named)
+        sources = {file.shown: {os.path.realpath(file.path)} for file in named}
+        reading = Reading(tuple(roots), frozenset(own), sources=sources)
         return _normalise(named, reading, profiles, env_files, settings or {}, project)
 
 
@@ -95,7 +96,8 @@ def _result(tree: Value, loading: Loading) -> Normal:
     told = tuple(dict.fromkeys(said))
     reading = loading.reading
     named = tuple(dict.fromkeys(reading.named))
-    return Normal(plain(tree), dict(places(tree)), tuple(used), told, frozenset(reading.secrets), named)
+    sources = {shown: frozenset(real) for shown, real in reading.sources.items()}
+    return Normal(plain(tree), dict(places(tree)), tuple(used), told, frozenset(reading.secrets), named, sources)
 
 
 def _own_env_file(folder: str, first: File) -> list[File]:

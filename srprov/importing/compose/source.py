@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 from srprov import regular_file
 from srprov.codes import Code
 from srprov.definitions.own_content import is_own
-from srprov.definitions.paths import belongs
+from srprov.definitions.paths import belongs, inside
 from srprov.errors import DefinitionError, Diagnostic
 from srprov.importing.compose.scalars import Date, meaning
 from srprov.importing.compose.scalars import shown as as_printed
@@ -35,6 +35,8 @@ class Reading:
     own: frozenset[str] = frozenset()
     """Real paths of files that secrets were read from on this machine: their values are put into nothing else."""
     count: int = 0
+    sources: dict[str, set[str]] = field(default_factory=dict)
+    """What a file is called in positions -> the real paths of what was read under that name."""
     texts: dict[str, str] = field(default_factory=dict)
     """What was read, by its real path."""
     trees: dict[tuple[str, str], Value] = field(default_factory=dict)
@@ -46,7 +48,7 @@ class Reading:
     """Numbers that Compose prints in another way than they are written, by their place."""
 
     def inside(self, path: str, named: Value) -> str:
-        """Return the real path of a file that a file names; it must lie in a folder of the user's own files.
+        """Return the real path of a file that a file names; it must lie in a folder of which that one may name files.
 
         It must not be what version control keeps there, such as a token.
 
@@ -54,7 +56,7 @@ class Reading:
             Refused: It does not.
         """
         real = os.path.realpath(path)
-        if not any(belongs(real, root) for root in self.roots):
+        if not any(belongs(real, root) for root in open_to(self.roots, self.sources.get(named.at.file, ()))):
             where = "outside of the project's folder, in .git or the like, or elsewhere by another name (a hard link)"
             message = f"'{named.data}' lies {where}, and is not read"
             raise Refused(
@@ -79,6 +81,7 @@ class Reading:
         """
         try:
             real = os.path.realpath(path) if named is None else self.inside(path, named)
+            self.sources.setdefault(shown, set()).add(real)
             if named is not None:
                 self.named.append(Named(real, str(named.data), named.at))
             if real not in self.texts:
@@ -126,6 +129,14 @@ class Reading:
         if (path, shown) not in self.trees:
             self.trees[path, shown] = _tree(self.text(path, shown, named), shown, self.written)
         return self.trees[path, shown]
+
+
+def open_to(roots: Sequence[str], files: Collection[str]) -> list[str]:
+    """Return the folders of which files may name others: those in which they lie themselves. Paths are real ones.
+
+    One of several may be a stranger's, and beside another one lies what is the user's.
+    """
+    return [one for one in roots if files and all(inside(file, one) for file in files)]
 
 
 def _at(error: DefinitionError, named: Value | None) -> Refused:

@@ -130,3 +130,81 @@ def test_nothing_that_version_control_keeps_is_imported(
     told = capsys.readouterr()
     assert "lies outside" in told.out + told.err and CANARY not in told.out + told.err
     assert not Path("out").exists()
+
+
+@pytest.fixture
+def together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the folder of a stranger's project; beside it lies one of the user's, with a file that is laid over it."""
+    monkeypatch.chdir(tmp_path)
+    for name, text in {
+        "lab/mine.yml": "services: {a: {environment: {RATE: '5'}}}\n",
+        "lab/base.yml": "services: {own: {image: x}}\n",
+        "lab/notes.txt": CANARY,
+        "lab/vars.env": f"A={CANARY}\n",
+        "lab/more.yml": f"services: {{a: {{image: x, labels: {{l: {CANARY}}}}}}}\n",
+        "lab/own/file": CANARY,
+        "lab/own/Dockerfile": f"FROM busybox\n# {CANARY}\n",
+        "stranger/Dockerfile": "FROM busybox\n",
+    }.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True, parents=True)
+        (tmp_path / name).write_text(text)
+    return tmp_path / "stranger"
+
+
+NAMES = [
+    "services: {a: {image: x, volumes: ['../lab/notes.txt:/n:ro']}}",
+    "services: {a: {image: x, volumes: ['../lab/own:/n']}}",
+    "services: {a: {image: x, volumes: [{type: bind, source: ../lab/own, target: /n}]}}",
+    "services: {a: {image: x, env_file: ../lab/vars.env}}",
+    "services: {a: {image: x, label_file: ../lab/vars.env}}",
+    "services: {a: {image: x, configs: [c]}}\nconfigs: {c: {file: ../lab/notes.txt}}",
+    "services: {a: {build: ../lab/own}}",
+    "services: {a: {build: {context: ., dockerfile: ../lab/own/Dockerfile}}}",
+    "services: {a: {extends: {file: ../lab/more.yml, service: a}}}",
+    "services: {b: {image: x}}\ninclude: [../lab/more.yml]",
+    "services: {b: {image: x}}\ninclude: [{path: more.yml, project_directory: ../lab}]",
+    "services: {b: {image: x}}\ninclude: [{path: more.yml, env_file: ../lab/vars.env}]",
+    "services: {a: {image: x, volumes: ['vol:/n']}}\n"
+    "volumes: {vol: {driver: local, driver_opts: {type: none, o: bind, device: ../lab/own}}}",
+]
+
+
+@pytest.mark.parametrize("text", NAMES)
+def test_a_file_names_nothing_that_lies_beside_another_one_of_the_users(
+    together: Path, capsys: pytest.CaptureFixture[str], text: str
+) -> None:
+    """It may be a stranger's, and what the user lays over it lies among his own files."""
+    (together / "compose.yml").write_text(f"{text}\n")
+    (together / "more.yml").write_text("services: {a: {image: '${A:-x}'}}\n")
+    for files in (["stranger/compose.yml", "lab/mine.yml"], ["lab/base.yml", "stranger/compose.yml"]):
+        assert run(["import", "compose", *files, "-o", "new"]) == 5
+        said = capsys.readouterr()
+        assert not Path("new").exists() and CANARY not in said.out + said.err and "lies outside" in said.out + said.err
+
+
+def test_a_file_is_known_by_what_it_is_and_not_by_how_it_is_called(
+    together: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By a link, the name of a file that is included ends in the user's folder, and the file does not."""
+    (together / "d" / "e").mkdir(parents=True)
+    (together / "d" / "lab").mkdir()
+    (together / "l").symlink_to("d/e")
+    (together / "d" / "lab" / "mine.yml").write_text(f"{NAMES[0].replace('../lab', '../../../lab')}\n")
+    (together / "compose.yml").write_text("services: {b: {image: x}}\ninclude: [l/../lab/mine.yml]\n")
+    (together / "lab").symlink_to("d/lab")
+    for included in ("l/../lab/mine.yml", "l/../../lab/mine.yml", "d/lab/mine.yml"):
+        (together / "compose.yml").write_text(f"services: {{b: {{image: x}}}}\ninclude: [{included}]\n")
+        assert run(["import", "compose", "stranger/compose.yml", "lab/mine.yml", "-o", "new"]) == 5
+        said = capsys.readouterr()
+        assert not Path("new").exists() and CANARY not in said.out + said.err
+
+
+def test_a_file_names_what_lies_beside_itself(together: Path) -> None:
+    """Relative paths begin in the folder of the first one, whichever file they stand in."""
+    (together / "map.yaml").write_text("a map")
+    (together / "compose.yml").write_text("services: {a: {image: x, volumes: ['./map.yaml:/m:ro']}}\n")
+    mine = "env_file: ../lab/vars.env, volumes: ['../lab/notes.txt:/n:ro']"
+    Path("lab/mine.yml").write_text(f"services: {{a: {{{mine}}}}}\n")
+    assert run(["import", "compose", "stranger/compose.yml", "lab/mine.yml", "-o", "new"]) == 0
+    assert Path("new/files/lab/notes.txt").read_text() == CANARY
+    assert Path("new/files/stranger/map.yaml").read_text() == "a map"
