@@ -22,7 +22,7 @@ secrets:
 services:
   a: {image: busybox, secrets: [token], environment: [CLOUD_KEY]}
 """
-ALLOWED = ("--allow", "secret", "--allow", "env")
+ALLOWED = ("--allow", "secret-command", "--allow", "env")
 
 
 @pytest.fixture
