@@ -16,7 +16,7 @@ import hashlib
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
-from srprov.redaction_bytes import search
+from srprov.redaction_bytes import HEAD, places, search
 
 SHORTEST = 4
 """Characters of a secret. A shorter one would be found in every other line, and blank out the whole output."""
@@ -24,10 +24,6 @@ MASK = "***"
 _SHORTEST_PART = 8
 """Characters of a line of a long secret (a key in PEM) that is looked for by itself."""
 _SHORTEST_SHIFTED = 6
-_HEAD = 32
-"""Characters of a form that are compared first."""
-_LONG = 4096
-"""Characters of a text that is first looked through as a whole."""
 _WRAP = re.compile(r"\r?(?:\n|(?:\\r)?\\n)[ \t\r\n]*")
 """A line's end, also as JSON writes it, with the indentation of the next one."""
 _SEPARATED = re.compile(r"(?:[0-9a-fA-F](?:[\s:,%-]|\\x)*){7,}[0-9a-fA-F]")
@@ -107,49 +103,59 @@ def _lower(quoted: str) -> str:
 
 
 class _Forms:
-    """Texts to look for, by their first characters: a text is gone through once, not once per form."""
+    """Texts to look for. What that costs follows from whole forms in a text, never from how one begins.
+
+    A robot that says much sees how fast that is taken: of a guess at the first letters of another one's password, it
+    would learn whether it is right, and go on from there.
+    """
 
     def __init__(self, found: Iterable[str]) -> None:
-        self._every = frozenset(found)
-        by_start: dict[str, list[str]] = {}
-        for form in sorted(self._every):
+        self._every = sorted(map(_distinct, set(found)))
+        by_start: dict[bytes, list[bytes]] = {}
+        for form in self._every:
             by_start.setdefault(form[:SHORTEST], []).append(form)
-        self.by_start: Mapping[str, list[str]] = by_start
+        self._by_start: Mapping[bytes, list[bytes]] = by_start
 
     @functools.cached_property
-    def _stands_in(self) -> Callable[[bytes], bool]:
-        return search(self._every)
+    def _places(self) -> Callable[[bytes], Iterator[int]]:
+        return places(self._every)
 
-    def may_stand_in(self, text: str) -> bool:
-        """Tell whether a form may stand in a text; of a long one this takes as long whatever is like a form in it.
-
-        A robot that says much could tell from the time how a secret begins.
-        """
-        if len(text) < _LONG:
-            return True
-        try:
-            return self._stands_in(in_bytes(text))
-        except UnicodeEncodeError:  # half of a surrogate pair
-            return True
+    def stand_in(self, text: str) -> bool:
+        """Tell whether a form stands in a text, or may."""
+        return any(True for _ in self._places(_distinct(text)))
 
     def spans(self, text: str) -> list[Span]:
-        """Return every place where a form stands, in order."""
-        found: list[Span] = []
-        if not self.may_stand_in(text):
-            return found
-        length = len(text)
+        """Return every place where a form stands."""
+        data = _distinct(text)
+        found, length = list[Span](), len(data)
         effort = 16 * length + (1 << 20)
-        by_start = self.by_start
-        for at in [at for at in range(length - SHORTEST + 1) if text[at : at + SHORTEST] in by_start]:
-            for form in by_start[text[at : at + SHORTEST]]:
-                if not text.startswith(form[:_HEAD], at):
+        for at in self._places(data):
+            for form in self._by_start.get(data[at : at + SHORTEST], ()):
+                if not data.startswith(form[:HEAD], at):
                     continue
                 effort -= min(len(form), length - at)
                 if effort < 0:  # a text made of half secrets: rather none of it than a search without end
-                    return [*found, (at, length)]
-                if text.startswith(form, at):
+                    return [(0, len(text))]
+                if data.startswith(form, at):
                     found.append((at, at + len(form)))
+        return _in_characters(text, data, found)
+
+
+def _distinct(text: str) -> bytes:
+    """Return bytes for a text that no other text has."""
+    return text.encode("utf-8", "surrogatepass")
+
+
+def _in_characters(text: str, data: bytes, found: list[Span]) -> list[Span]:
+    """Return places in a text for those in its bytes."""
+    if len(text) == len(data):
         return found
+    place, characters, before = {}, 0, 0
+    for at in sorted({at for span in found for at in span}):
+        characters += len(data[before:at].decode("utf-8", "surrogatepass"))
+        place[at] = characters
+        before = at
+    return [(place[start], place[stop]) for start, stop in found]
 
 
 class _View:
@@ -214,7 +220,7 @@ class Known:
             view = _View(text, _WRAP)
             found += view.spans(self._texts.spans(view.text))
         runs = [_View(text, _SEPARATOR, run.start(), run.end()) for run in _SEPARATED.finditer(text)]
-        if self._hex.may_stand_in("\n".join(view.text for view in runs).lower()):
+        if runs and self._hex.stand_in("\n".join(view.text for view in runs).lower()):
             found += [one for view in runs for one in view.spans(self._hex.spans(view.text.lower()))]
         return sorted(found)
 
