@@ -2,7 +2,7 @@
 
 Who prints a line may be a robot that wants to know another one's password. So what becomes of a line, and how long that
 takes, follows from whole secrets alone, never from how one begins: lines wait for those that come next whatever is in
-them, and a line is looked at twice at most.
+them, and a line in which no secret stands is looked at twice at most.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ _TOGETHER = 64 * 1024
 """Characters that are looked at together."""
 _WAITING = 16 * 1024
 """Characters at the end of these that wait for what comes next: a secret may go on there."""
+_MOST = _TOGETHER + _WAITING
+"""Characters that wait at most: of secrets without end, one behind the other, what is hidden stays so."""
 _MOMENT_S = 0.1
 """In which lines that are shown as they come are gathered."""
 
@@ -36,14 +38,14 @@ def lines_without(known: Known, batches: Iterable[Sequence[str]]) -> Iterator[st
 
 
 def _shown(known: Known, waiting: Sequence[str], new: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Return lines that need not wait any longer, without secrets, and those that wait, as they are."""
+    """Return lines that need not wait any longer, without secrets, and those that wait, if they may as they are."""
     every = [*waiting, *new]
     text = "\n".join(every)
     starts = [0, *accumulate(len(line) + 1 for line in every)]
     first = max(len(waiting), bisect_right(starts, max(0, len(text) - _WAITING), hi=len(every)) - 1)
     if not new:
         first = len(every)
-    spans = known.masks(text)
+    spans, cut = known.masks(text), first
     for start, stop in reversed(spans):  # what is shown of a secret is not looked at again
         if start < starts[first] < stop:
             first = bisect_right(starts, start) - 1
@@ -52,7 +54,7 @@ def _shown(known: Known, waiting: Sequence[str], new: Sequence[str]) -> tuple[li
         parts += [text[end:start], "\n".join([MASK] * (text.count("\n", start, stop) + 1))]
         end = stop
     clean = "".join([*parts, text[end:]]).split("\n") if every else []
-    return clean[:first], every[first:]
+    return (clean[:cut], clean[cut:]) if len(text) - starts[first] > _MOST else (clean[:first], every[first:])
 
 
 def together(lines: Iterable[str]) -> Iterator[list[str]]:

@@ -60,6 +60,8 @@ class Whereabouts(msgspec.Struct, frozen=True, kw_only=True):
     """A run of this machine wrote the placement that counts; else only robots say where services are."""
     unsure: tuple[str, ...] = ()
     """Robots that may know of a later placement of this machine's: a run of it did not come to its end."""
+    source: str = ""
+    """Which experiment the placement that counts is of."""
     strangers: frozenset[str] = frozenset()
     """Robots that are called as others of this machine's last run."""
 
@@ -129,6 +131,7 @@ def locate(snapshot: Snapshot, instance: str, experiment: Experiment | None = No
         unreachable=snapshot.unreachable,
         remembered=remembered,
         unsure=looked.unsure,
+        source=record.source,
         strangers=strangers(snapshot, memory),
     )
 
@@ -194,20 +197,6 @@ def _families(services: Mapping[str, Service]) -> Mapping[str, frozenset[str]]:
         if one.instance_of:
             families.setdefault(one.instance_of, set()).add(name)
     return {name: frozenset(some) for name, some in families.items()}
-
-
-def only(found: tuple[Located, ...]) -> Located:
-    """Return the one container that is meant.
-
-    Raises:
-        UsageError: It is more than one.
-    """
-    if len(found) > 1:
-        several = ", ".join(one.where for one in found)
-        raise UsageError(
-            f"that is more than one container: {several}", hint="name one of them, or SERVICE@ROBOT", code=Code.WHICH
-        )
-    return found[0]
 
 
 def containers_of(snapshot: Snapshot, instance: str, services: Sequence[str]) -> list[tuple[str, str, str]]:

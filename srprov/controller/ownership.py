@@ -168,8 +168,11 @@ def _made_otherwise(snapshot: Snapshot, instance: str, source: str) -> dict[str,
     found = {}
     for robot, items in snapshot.observed.items():
         every = [one.state["source"] for one in items if one.module in RUNNING and one.instance == instance]
+        said = sorted({*every} - {""})
+        if not said or source in said:
+            continue
         known = read_record(snapshot.records.get(robot, {}).get(instance))
-        if (said := sorted({*every} - {""})) and source not in (*said, known.source if known else ""):
+        if known is None or known.source != source:
             found[robot] = str(said[0])
     return found
 

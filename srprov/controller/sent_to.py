@@ -6,7 +6,7 @@ Takes where services are, as `located.py` found it; gives one, or refuses. Whoev
 from __future__ import annotations
 
 from srprov.codes import Code
-from srprov.controller.located import Located, Whereabouts, only
+from srprov.controller.located import Located, Whereabouts
 from srprov.errors import RefusedError, UsageError
 from srprov.names import few
 
@@ -16,7 +16,8 @@ _MOST_AWAY = 8
 def trusted(there: Whereabouts, word: str, source: str) -> Located:
     """Return the one container that a word means, for who sends something of the user's own there.
 
-    The user names his EDF, of this `source`: what another file made is not meant by it, whatever that one calls itself.
+    The user names his EDF, of this `source`: what another file made is not meant by it, whatever that one calls itself,
+    unless a run of this machine took it over.
 
     Each robot may say that a service is on it. The one that has it contradicts, or this machine knows better, or the
     EDF; where none does, the user says which robot he means. What this machine wrote before its last run is a robot's
@@ -27,10 +28,12 @@ def trusted(there: Whereabouts, word: str, source: str) -> Located:
         UsageError: It is more than one, or only its robot says that it is there.
         RefusedError: Another file made it.
     """
-    found = only(there.named([word]))
+    found = _only(there.named([word]))
     if "@" in word:
         return found
-    if (maker := str(found.found.state.get("source", "")) if found.found else "") not in ("", source):
+    maker = str(found.found.state.get("source", "")) if found.found else ""
+    adopted = there.remembered and found.placed and there.source == source
+    if maker not in ("", source) and not adopted:
         raise RefusedError(
             f"{found.where} was made from {maker}, not from {source}",
             hint=f"if you mean that one, name it with its robot: {found.service}@{found.host}",
@@ -62,3 +65,17 @@ def _doubt(there: Whereabouts, found: Located) -> str:
     if there.unreachable:
         return f"{nobody}, and {few(sorted(there.unreachable), _MOST_AWAY)} cannot be asked"
     return "" if found.placed else f"{nobody}, and no other robot has it in its record"
+
+
+def _only(found: tuple[Located, ...]) -> Located:
+    """Return the one container that is meant.
+
+    Raises:
+        UsageError: It is more than one.
+    """
+    if len(found) > 1:
+        several = ", ".join(one.where for one in found)
+        raise UsageError(
+            f"that is more than one container: {several}", hint="name one of them, or SERVICE@ROBOT", code=Code.WHICH
+        )
+    return found[0]

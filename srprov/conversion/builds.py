@@ -67,7 +67,7 @@ def _context_place(context: str, project: Project, path: Path) -> str:
     place = project.place(context, path)
     if place and os.path.isdir(project.path(context)):
         return place
-    what = "lies outside of the files' folder" if not place else "is no folder"
+    what = "lies outside of the folder of the file that says so" if not place else "is no folder"
     project.notes.refused(path, f"'{context[:80]}' {what}", "copy it beside the Compose file")
     return ""
 
@@ -86,9 +86,8 @@ def _text(
     source = project.path(os.path.join(context, named))
     place = project.take(source, (*path, "dockerfile"))
     if not place:
-        project.notes.refused(
-            (*path, "dockerfile"), f"'{named[:80]}' lies outside of the files' folder", "copy it there"
-        )
+        why = f"'{named[:80]}' lies outside of the folder of the file that says so"
+        project.notes.refused((*path, "dockerfile"), why, "copy it there")
         return None
     found["dockerfile"] = os.path.relpath(place, found["context"])
     try:

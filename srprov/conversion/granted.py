@@ -96,7 +96,7 @@ def _shipped(entry: Mapping[str, Any], name: str, path: Path, project: Project) 
         return ""
     place = project.place(source, (*path, "file"))
     if not place or not os.path.exists(project.path(source)):
-        what = "lies outside of the files' folder" if not place else "does not exist"
+        what = "lies outside of the folder of the file that says so" if not place else "does not exist"
         project.notes.refused((*path, "file"), f"'{source[:80]}' {what}")
         return ""
     return project.take(source, (*path, "file"))

@@ -124,7 +124,7 @@ def _bind(
         return _absolute(source, one, project, path)
     if not project.place(source, at):
         hint = "copy it beside the Compose file: what lies elsewhere is not read"
-        project.notes.refused(path, f"'{source[:80]}' lies outside of the files' folder", hint)
+        project.notes.refused(path, f"'{source[:80]}' lies outside of the folder of the file that says so", hint)
         return None
     if one.get("read_only") or os.path.isfile(project.path(source)):
         return _shipped(source, one, project, path, at)

@@ -25,6 +25,8 @@ from srprov.untrusted import mapping, parse_json, string, string_map, strings
 
 _LONGEST = 4 << 20
 _MOST_KEPT = 2000
+_LONGEST_NAME = 4096
+"""Bytes; no file has a longer one."""
 
 
 class Memory(msgspec.Struct, frozen=True, kw_only=True):
@@ -110,7 +112,8 @@ def note_secret_files(paths: Collection[str]) -> str:
         UsageError: They are more than the list can hold.
     """
     before, place = secret_files.listed(), secret_files.place()
-    if set(paths) <= set(before):
+    paths = {one for one in paths if len(os.fsencode(one)) <= _LONGEST_NAME}
+    if paths <= set(before):
         return ""
     every = [*(one for one in before if one not in paths), *sorted(paths)]
     forgotten = {*[one for one in every if not os.path.lexists(one)][:-_MOST_KEPT]}

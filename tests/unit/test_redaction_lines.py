@@ -80,6 +80,24 @@ def test_what_is_shown_does_not_cut_a_secret() -> None:
                                                         for part in (0, 1)]  # fmt: skip
 
 
+def test_one_secret_behind_the_other_is_no_reason_to_wait_for_ever() -> None:
+    """Each line ends with half of one, so that all are one. None was shown, and all were looked at with each batch."""
+    one, lines = known(), [VALUE[:8], *[f"{VALUE[8:]}{VALUE[:8]}"] * 60_000, VALUE[8:]]
+    came = [0]
+
+    def batches() -> Iterator[list[str]]:
+        for batch in together(lines):
+            came[0] += len(batch)
+            yield batch
+
+    told = 0
+    for line in lines_without(one, batches()):
+        told += 1
+        assert set(line) == {"*"}
+        assert came[0] - told < 20_000
+    assert told == len(lines) and one.looked < 4 * 16 * len(lines)
+
+
 def test_a_stream_that_breaks_has_shown_what_came() -> None:
     def broken() -> Iterator[str]:
         yield from ("a", "walnut42", "-walnut")

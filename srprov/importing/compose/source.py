@@ -132,11 +132,12 @@ class Reading:
 
 
 def open_to(roots: Sequence[str], files: Collection[str]) -> list[str]:
-    """Return the folders of which files may name others: those in which they lie themselves. Paths are real ones.
+    """Return the folders of which files may name others: the nearest around each of them, and below. Real paths.
 
-    One of several may be a stranger's, and beside another one lies what is the user's.
+    One of several files may be a stranger's. What lies beside another one, also further up, is then the user's.
     """
-    return [one for one in roots if files and all(inside(file, one) for file in files)]
+    near = [max((one for one in roots if inside(file, one)), key=len, default="") for file in files]
+    return [one for one in roots if near and all(each and inside(one, each) for each in near)]
 
 
 def _at(error: DefinitionError, named: Value | None) -> Refused:

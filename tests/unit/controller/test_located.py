@@ -46,6 +46,16 @@ def test_what_another_file_made_gets_no_file_and_no_command_by_a_service_s_name(
     assert trusted(found, "db@r1", "s").host == trusted(found, "db", "git:example.org/nav").host == "r1"
 
 
+def test_what_a_run_of_this_machine_took_over_is_the_user_s() -> None:
+    """With --adopt a container keeps the label of who made it."""
+    container = Observed(module="container", name="srprov.x.db", instance="x", state={"source": "before"})
+    found = there(away=False, remembered=True, one=replace(DB, found=container))
+    assert trusted(replace(found, source="s"), "db", "s").host == "r1"
+    for other in (replace(found, source="before"), replace(found, source="s", remembered=False)):
+        with pytest.raises(RefusedError, match="was made from before"):
+            trusted(other, "db", "s")
+
+
 @pytest.mark.parametrize(("away", "remembered"), [(False, False), (True, True), (False, True)])
 def test_where_it_could_be_contradicted_it_counts(away: bool, remembered: bool) -> None:
     assert trusted(there(away=away, remembered=remembered), "db", "s") == DB

@@ -182,6 +182,32 @@ def test_a_file_names_nothing_that_lies_beside_another_one_of_the_users(
         assert not Path("new").exists() and CANARY not in said.out + said.err and "lies outside" in said.out + said.err
 
 
+@pytest.mark.parametrize("text", NAMES)
+def test_a_clone_below_the_users_folder_names_nothing_of_that_folder(
+    together: Path, capsys: pytest.CaptureFixture[str], text: str
+) -> None:
+    """It lies in his folder, too; the nearest folder counts."""
+    (together / "compose.yml").write_text(f"{text}\n")
+    (together / "more.yml").write_text("services: {a: {image: '${A:-x}'}}\n")
+    Path("mine.yml").write_text("services: {a: {environment: {RATE: '5'}}}\n")
+    assert run(["import", "compose", "stranger/compose.yml", "mine.yml", "-o", "new"]) == 5
+    said = capsys.readouterr()
+    assert not Path("new").exists() and CANARY not in said.out + said.err and "lies outside" in said.out + said.err
+
+
+def test_of_a_folder_below_a_file_names_nothing_further_up_either(
+    together: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The user's own file, which comes first, says where relative paths begin; that one may name what is below."""
+    (together / "compose.yml").write_text("services: {a: {image: x, volumes: ['./lab/notes.txt:/n:ro']}}\n")
+    Path("base.yml").write_text("services: {own: {image: x, volumes: ['./stranger/Dockerfile:/d:ro']}}\n")
+    assert run(["import", "compose", "base.yml", "stranger/compose.yml", "-o", "new"]) == 5
+    said = capsys.readouterr().out
+    assert "stranger/compose.yml:1" in said and "lies outside of the folder of the file that says so" in said
+    (together / "compose.yml").write_text("services: {a: {image: x}}\n")
+    assert run(["import", "compose", "base.yml", "stranger/compose.yml", "-o", "new"]) == 0, capsys.readouterr().err
+
+
 def test_a_file_is_known_by_what_it_is_and_not_by_how_it_is_called(
     together: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -39,3 +39,9 @@ def test_a_name_that_is_no_text_stays_what_it_is(tmp_path: Path) -> None:
     note_secret_files([name])
     note_secret_files([f"{tmp_path}/other"])
     assert secret_files.known() == {name, f"{tmp_path}/other"}
+
+
+def test_a_name_that_no_file_can_have_takes_no_place() -> None:
+    """A few of them filled the list, and no experiment's secrets were read any more."""
+    assert note_secret_files([f"/{'e' * 900_000}/{number}" for number in range(20)]) == ""
+    assert secret_files.known() == frozenset()
