@@ -57,11 +57,9 @@ class Reading:
         """
         real = os.path.realpath(path)
         if not any(belongs(real, root) for root in open_to(self.roots, self.sources.get(named.at.file, ()))):
-            where = "outside of the project's folder, in .git or the like, or elsewhere by another name (a hard link)"
-            message = f"'{named.data}' lies {where}, and is not read"
-            raise Refused(
-                [Diagnostic(named.at, message, hint="copy it into the folder of the Compose file", code=Code.OUTSIDE)]
-            )
+            where = "outside of the folder of the file that says so, in .git or the like"
+            message = f"'{named.data}' lies {where}, or elsewhere by another name (a hard link), and is not read"
+            raise Refused([Diagnostic(named.at, message, hint="copy it into that folder", code=Code.OUTSIDE)])
         return real
 
     def note_secrets(self, tree: Value, folders: Collection[str]) -> None:
