@@ -23,7 +23,7 @@ def _unit() -> None:
     sum(len(str(number)) for number in range(200_000))
 
 
-def _slowness() -> float:
+def slowness() -> float:
     """Return how many times longer the processor takes just now; a busy neighbour doubles its seconds."""
     begin = time.process_time()
     for _ in range(20):
@@ -38,7 +38,7 @@ def within(cpu_s: float) -> Iterator[None]:
     yield
     took = time.process_time() - begin
     if took >= cpu_s:
-        took /= _slowness()
+        took /= slowness()
     assert took < cpu_s, f"it took {took:.1f} s"
 
 
@@ -64,7 +64,7 @@ def bounded(work: Callable[[], T], cpu_s: float = CPU_S, memory: int = MEMORY_BY
             except Exception as error:  # any error at all goes to the parent, which judges it
                 wrong = error
             took = time.process_time() - begin
-            answer = result, wrong, took if took < cpu_s else took / _slowness()
+            answer = result, wrong, took if took < cpu_s else took / slowness()
             with open(writer, "wb") as out:
                 out.write(pickle.dumps(answer))
         finally:

@@ -147,7 +147,7 @@ def privileged(document: dict[str, Any]) -> None:
         # the file's proof is gone, too, and said first
         (removal_runs_anything, 9, "a plan that was written here may use what was made here"),
         (nothing_is_stale, 5, "fingerprints: robot1 has none"),
-        (secret_runs_a_program, 5, "asks for secret (token, from the command touch"),
+        (secret_runs_a_program, 5, "asks for secret-command (token, from the command touch"),
         (privileged, 5, "asks for privileged"),
     ],
 )
