@@ -103,25 +103,27 @@ def note_ran(had: Mapping[str, Collection[str]]) -> str:
     return _add(_ran(), had)
 
 
-def note_secret_files(paths: Collection[str]) -> str:
-    """Remember that some files are secrets', never what is in them; return why that is not possible, or nothing.
+def note_secret_files(paths: Collection[str]) -> None:
+    """Remember that some files are secrets', never what is in them.
 
     None that is there is forgotten for others: whoever calls thousands of files so would have the first one shipped.
 
     Raises:
-        UsageError: They are more than the list can hold.
+        UsageError: They are more than the list can hold, or it cannot be written.
     """
     before, place = secret_files.listed(), secret_files.place()
     paths = {one for one in paths if len(os.fsencode(one)) <= _LONGEST_NAME}
     if paths <= set(before):
-        return ""
+        return
     every = [*(one for one in before if one not in paths), *sorted(paths)]
     forgotten = {*[one for one in every if not os.path.lexists(one)][:-_MOST_KEPT]}
     document: dict[str, list[str]] = {one: [] for one in every if one not in forgotten}
     if len(json.dumps(document)) > secret_files.LONGEST:
         hint = f"remove from {place} those that are no secrets' any more"
         raise UsageError("too many files are known as secrets'", hint=hint, code=Code.CANNOT_WRITE)
-    return _write(place, document)
+    if reason := _write(place, document):
+        text = f"which files are secrets' cannot be kept: {reason}"
+        raise UsageError(text, hint="let XDG_STATE_HOME name a folder of yours", code=Code.CANNOT_WRITE)
 
 
 def _sets(place: Path) -> dict[str, frozenset[str]]:

@@ -15,9 +15,9 @@ def test_none_that_is_there_is_forgotten_for_others(tmp_path: Path) -> None:
     """An EDF names a thousand, and its next version a thousand others, and so on."""
     own = tmp_path / "token"
     own.touch()
-    assert note_secret_files([str(own)]) == ""
+    note_secret_files([str(own)])
     for version in range(4):
-        assert note_secret_files([f"/nowhere/{version}/{number}" for number in range(1000)]) == ""
+        note_secret_files([f"/nowhere/{version}/{number}" for number in range(1000)])
     known = secret_files.known()
     assert str(own) in known and "/nowhere/3/999" in known
     assert len(known) == 2001  # of those that are gone only the newest
@@ -43,5 +43,16 @@ def test_a_name_that_is_no_text_stays_what_it_is(tmp_path: Path) -> None:
 
 def test_a_name_that_no_file_can_have_takes_no_place() -> None:
     """A few of them filled the list, and no experiment's secrets were read any more."""
-    assert note_secret_files([f"/{'e' * 900_000}/{number}" for number in range(20)]) == ""
+    note_secret_files([f"/{'e' * 900_000}/{number}" for number in range(20)])
     assert secret_files.known() == frozenset()
+
+
+def test_a_list_that_cannot_be_written_is_an_error_and_no_silence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing would keep the next version of an EDF from mounting the file."""
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file/below"))
+    with pytest.raises(UsageError, match="which files are secrets' cannot be kept") as refused:
+        note_secret_files([str(tmp_path / "token")])
+    assert "XDG_STATE_HOME" in refused.value.hint
