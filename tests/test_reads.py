@@ -28,6 +28,7 @@ OWN: Mapping[str, str] = {
     "probing/script.py": "the programs that ship with srprov",
     "controller/copied_out.py": "opens folders to write into them, and files that it makes itself",
     "controller/folder_entries.py:open_folder": "a folder, only to write into it",
+    "controller/folder_entries.py:open_file": "what copied_out.py put there right before: a plain file, by no link",
     "controller/trial_folder.py:alone": "a folder, only to lock it",
     "git/cache.py:_locked": "a lock of its own, only to write",
     "definitions/schema_cache.py": "the user's own cache: nobody else can write there, or it is not used",

@@ -61,8 +61,8 @@ def cp(
     What is copied into a container is no part of the experiment: it is gone when apply makes the container anew, and
     plan does not show it. Volumes keep it.
 
-    Exits with 0; with 3 when something was left out: links to what did not come, devices, pipes, sockets, repositories;
-    with 4 when the robot is lost.
+    From a container, a link comes as a file of its own. Exits with 0; with 3 when something was left out: links to
+    folders or to what did not come, devices, pipes, sockets, repositories; with 4 when the robot is lost.
     """
     from srprov.controller.copying import made_from, place
 

@@ -1,13 +1,13 @@
-"""Links in a copy from a container: those that come lead to what came in the same copy, never to what was here before.
+"""Links in a copy from a container: which file of the same copy each leads to, so that it comes as a file of its own.
 
-Takes places as names from the user's folder on, joined by `/`; gives the links that come. Pure. A link to a file of the
-user's own beside it would make a name that the container chose another one of that file, and whoever is sent what lies
-under this name would have it.
+Takes places as names from the user's folder on, joined by `/`; gives where each link leads. Pure. No link is made here:
+it would make a name that the container chose another one of whatever lies in a second place, now or later, such as a
+file of the user's or of another robot's, and whoever is sent what lies under this name would have it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 
 _MOST_LINKS = 40
 """One after the other, as for the kernel."""
@@ -33,20 +33,17 @@ class Links:
                 parts.append(part)
         self._leads[place] = link, "/".join(parts)
 
-    def all(self, came: Collection[str], made: Collection[str]) -> Iterator[tuple[str, str, bool]]:
-        """Yield each link's place, what it says, and whether it comes.
+    def all(self) -> Iterator[tuple[str, str, str]]:
+        """Yield each link's place, what it says, and the place that it leads to by way of others; or nothing.
 
-        Args:
-            came: Files of this copy. A link has to name one of them, a folder or a further link as it is: behind the
-                name of a link, which may not come itself, something of the user's could lie.
-            made: Folders that this copy made; one that was here has files of the user's.
+        A link has to name that place, or a further link, as it is: behind the name of a link something of the user's
+        could lie.
         """
         for place, (link, _) in sorted(self._leads.items()):
-            end = self._end(place)
-            yield place, link, end in came or end in made
+            yield place, link, self._end(place)
 
     def _end(self, place: str) -> str:
-        """Return where a link leads by way of others, which then all lead there; of too many, where it goes on."""
+        """Return where a link leads by way of others; nothing where they are too many."""
         for _ in range(_MOST_LINKS):
             if place not in self._leads:
                 break

@@ -2,8 +2,8 @@
 
 Takes pieces of a tar that a stranger's container filled, and a folder. Every folder on the way is opened by its
 descriptor and no link is followed: neither `..`, nor a link in the tar, nor one that is here already leads elsewhere.
-A file comes under another name beside its place and takes it when it is whole. Links come in the end, those that lead
-to what came; devices, pipes and sockets do not.
+A file comes under another name beside its place and takes it when it is whole. A link, or a second name, comes as a
+file of its own, where it leads to a file that came; devices, pipes and sockets do not come.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import contextlib
 import errno
 import os
 import secrets
-import stat
 import tarfile
 from collections.abc import Iterator
 
@@ -21,15 +20,18 @@ import msgspec
 from srprov.codes import Code
 from srprov.controller.copied import Copied
 from srprov.controller.copied_links import Links, stays_inside
-from srprov.controller.folder_entries import FOLDER, is_folder, link_at, make_like, open_folder
+from srprov.controller.folder_entries import is_folder, make_like, open_file, open_folder
 from srprov.errors import UsageError
 from srprov.transport.tar_stream import TarError, TarStream, parts_of, place_of
 
 MOST_MEMBERS = 200_000
+_MOST_BYTES = 64 << 30
+"""Of a copy with what links lead to, which a container names as often as it likes."""
 _LEFT_FREE, _LOOK = 512 << 20, 32 << 20
 """Bytes of the disk that no copy takes, and between two looks at it."""
 _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
-_Like = tuple[int, float]
+_PIECE = 1 << 20
+_Like = tuple[int, float | None]
 """Permissions and time."""
 
 
@@ -116,17 +118,15 @@ class _Tree:
             self._copied.leave_out("/".join(parts), "a device, pipe or socket")
 
     def finish(self) -> None:
-        """Make the links that lead to what came, then give folders their permissions and times."""
-        for place, link, comes in self._links.all(self._written, self._made):
+        """Write what links lead to in their places, then give folders their permissions and times."""
+        for place, link, end in self._links.all():
             *above, last = place.split("/")
-            folder = self._enter(above)
-            if link_at(folder, last) == link:
-                continue  # an earlier copy brought it
-            if not comes:
+            if end in self._written:
+                self._again(end.split("/"), self._enter(above), [*above, last])
+            elif end in self._made:
+                self._copied.leave_out(place, f"a link to a folder, {link}; a tar has it, with `-`")
+            else:
                 self._copied.leave_out(place, f"a link to what did not come with it, {link}")
-                continue
-            with self._beside(folder, [*above, last]) as name:
-                os.symlink(link, name, dir_fd=folder)
         self._leave(1)
         for parts, like in sorted(self._folders.items()):
             self._enter(list(parts), like)
@@ -170,6 +170,11 @@ class _Tree:
                 os.close(descriptor)
 
     def _file(self, folder: int, parts: list[str], header: tarfile.TarInfo, content: Iterator[bytes]) -> None:
+        like = (header.mode, header.mtime) if self._preserve else (0o600 | header.mode & 0o100, None)
+        self._write(folder, parts, content, like)
+
+    def _write(self, folder: int, parts: list[str], content: Iterator[bytes], like: _Like) -> None:
+        """Write a file."""
         with (
             self._beside(folder, parts) as name,
             os.fdopen(os.open(name, _NEW, 0o600, dir_fd=folder), "wb") as stream,
@@ -179,12 +184,23 @@ class _Tree:
                 self._copied.bytes += len(piece)
                 self._leave_room(stream.fileno(), len(piece))
             stream.flush()
-            if self._preserve:
-                make_like(stream.fileno(), header.mode, header.mtime)
-            else:
-                os.fchmod(stream.fileno(), 0o600 | header.mode & 0o100)
+            make_like(stream.fileno(), *like)
         self._copied.files += 1
         self._written.add("/".join(parts))
+
+    def _again(self, first: list[str], folder: int, parts: list[str]) -> None:
+        """Write a file that came under another name, too: it stays as it is, whatever takes the first one's place."""
+        try:
+            found = open_file(first, self._open[0][1])
+        except PermissionError:  # it has the permissions that it had there
+            self._copied.leave_out("/".join(parts), "another name of a file that nobody may read")
+            return
+        with found as file:
+            about = os.fstat(file.fileno())
+            if self._copied.bytes + about.st_size > _MOST_BYTES:
+                raise TarError(f"with what links lead to, it has more than {_MOST_BYTES >> 30} GiB")
+            pieces = iter(lambda: file.read(_PIECE), b"")
+            self._write(folder, parts, pieces, (about.st_mode, about.st_mtime if self._preserve else None))
 
     def _leave_room(self, descriptor: int, size: int) -> None:
         """Refuse (OSError) to fill the disk: a container may send files without end."""
@@ -196,27 +212,13 @@ class _Tree:
                 raise OSError(errno.ENOSPC, f"less than {_LEFT_FREE >> 20} MiB would be free", self._target.folder)
 
     def _hard_link(self, folder: int, parts: list[str], header: tarfile.TarInfo) -> None:
-        """Let a file have a second name; the first one must have come in this copy."""
+        """Write a file under its second name; it must have come in this copy, and nothing may have taken its place."""
         first = self._place(header.linkname)
         if "/".join(first) not in self._written:
             raise TarError(f"{header.name[:80]!r} is another name of what did not come")
         if "/".join(first) in self._links:
             raise TarError(f"{header.name[:80]!r} is another name of what is no file")
-        source = os.dup(self._open[0][1])
-        try:
-            for name in first[:-1]:
-                below = os.open(name, FOLDER, dir_fd=source)
-                os.close(source)
-                source = below
-            if not stat.S_ISREG(os.stat(first[-1], dir_fd=source, follow_symlinks=False).st_mode):
-                # a link that took the file's place leads out from where its second name lies
-                raise TarError(f"{header.name[:80]!r} is another name of what is no file")
-            with self._beside(folder, parts) as name:
-                os.link(first[-1], name, src_dir_fd=source, dst_dir_fd=folder, follow_symlinks=False)
-        finally:
-            os.close(source)
-        self._copied.files += 1
-        self._written.add("/".join(parts))
+        self._again(first, folder, parts)
 
     @contextlib.contextmanager
     def _beside(self, folder: int, parts: list[str]) -> Iterator[str]:

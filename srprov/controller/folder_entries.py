@@ -6,11 +6,14 @@ import contextlib
 import errno
 import os
 import stat
+from collections.abc import Sequence
+from typing import BinaryIO
 
 from srprov.codes import Code
 from srprov.errors import UsageError
 
 FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
+_FILE = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
 
 
 def open_folder(name: str, above: int, shown: str) -> int:
@@ -28,6 +31,27 @@ def open_folder(name: str, above: int, shown: str) -> int:
         raise UsageError(f"{shown}: a file or link is there, where a folder is to be", code=Code.IN_THE_WAY) from None
 
 
+def open_file(parts: Sequence[str], top: int) -> BinaryIO:
+    """Open a file in the folders below an open one, to read it.
+
+    Raises:
+        OSError: It is not there, is no file, or lies behind a link.
+    """
+    folder = os.dup(top)
+    try:
+        for name in parts[:-1]:
+            below = os.open(name, FOLDER, dir_fd=folder)
+            os.close(folder)
+            folder = below
+        file = os.fdopen(os.open(parts[-1], _FILE, dir_fd=folder), "rb")
+    finally:
+        os.close(folder)
+    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        file.close()
+        raise OSError(errno.EINVAL, "it is no file", "/".join(parts))
+    return file
+
+
 def is_folder(above: int, name: str) -> bool:
     """Return whether a folder is there."""
     try:
@@ -36,16 +60,10 @@ def is_folder(above: int, name: str) -> bool:
         return False
 
 
-def link_at(folder: int, name: str) -> str:
-    """Return what the link says that is there; nothing where there is none."""
-    try:
-        return os.readlink(name, dir_fd=folder)
-    except OSError:
-        return ""
-
-
-def make_like(descriptor: int, mode: int, when: float) -> None:
-    """Give a file or folder the permissions and the time of its header; never those that act as somebody else."""
+def make_like(descriptor: int, mode: int, when: float | None) -> None:
+    """Give a file or folder permissions, never those that act as somebody else, and a time; None leaves that."""
     os.fchmod(descriptor, mode & 0o777)
+    if when is None:
+        return
     with contextlib.suppress(OverflowError, ValueError):  # a time that no file here can have
         os.utime(descriptor, (when, when))

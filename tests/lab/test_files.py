@@ -98,7 +98,8 @@ def test_files_go_in_and_come_out_as_they_are(begun: Begun, tmp_path: Path) -> N
     back = begun.run("cp", f"talker@{begun.robot('talker')}:/got", str(tmp_path / "out"))
     assert back.code == 0, back
     assert (tmp_path / "out/deep/large").read_bytes() == data
-    assert os.readlink(tmp_path / "out/link") == "deep/large" and os.access(tmp_path / "out/run.sh", os.X_OK)
+    assert (tmp_path / "out/link").read_bytes() == data and not (tmp_path / "out/link").is_symlink()
+    assert os.access(tmp_path / "out/run.sh", os.X_OK)
 
     # what is there is replaced, the other way too; a stopped container has files as well
     (tmp_path / "word").write_text("another word\n")
@@ -159,6 +160,21 @@ def test_no_name_of_a_container_becomes_that_of_a_file_of_the_user_s(begun: Begu
     assert copied.code == 3 and "left out: hall.yaml: a link to what did not come with it" in copied.err, copied
     assert sent.code == 5 and told == "nothing\n", sent
     assert sorted(os.listdir(maps)) == ["new.yaml", "site.yaml"]
+
+
+def test_no_name_of_a_robot_s_becomes_that_of_another_one_s_file(begun: Begun, tmp_path: Path) -> None:
+    """Both have their maps brought into one folder; the first one's link would lead to what the second one brings."""
+    maps = tmp_path / "maps"
+    maps.mkdir()
+    script = "mkdir -p /halls && cd /halls && echo {} >site.yaml"
+    begun.inside("talker", script.format("decoy") + " && ln -s site.yaml hall.yaml && ln site.yaml other.yaml")
+    begun.inside("listener", script.format("its own token"))
+    for service in ("talker", "listener"):
+        assert begun.run("cp", f"{service}:/halls/.", str(maps)).code == 0
+    for name in ("hall.yaml", "other.yaml"):
+        sent = begun.run("cp", str(maps / name), "talker:/tmp/sent.yaml")
+        assert sent.code == 0 and begun.inside("talker", "cat /tmp/sent.yaml") == "decoy\n", sent
+    assert (maps / "site.yaml").read_text() == "its own token\n"
 
 
 def test_no_container_puts_variables_beside_the_inventory(begun: Begun, tmp_path: Path) -> None:

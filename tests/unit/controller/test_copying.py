@@ -557,6 +557,7 @@ def test_a_link_leads_to_what_came_with_it_and_to_no_file_of_the_user_s(here: Pa
     for name in ("mine.yaml", "sites/mine.yaml"):
         (here / "maps" / name).write_text("mine")
     (here / "maps/old").symlink_to("mine.yaml")
+    (here / "maps/good").symlink_to("sites/new.yaml")
     made = tar(
         ("m", DIR, ""), ("m/hall.yaml", SYM, "mine.yaml"), ("m/later", SYM, "not-there-yet"), ("m/all", SYM, "."),
         ("m/by-folder", SYM, "sites"), ("m/by-link", SYM, "hall.yaml"), ("m/by-two", SYM, "by-folder/new.yaml"),
@@ -568,10 +569,58 @@ def test_a_link_leads_to_what_came_with_it_and_to_no_file_of_the_user_s(here: Pa
         copied = Copied()
         unpack(iter([made]), Target(folder="maps", name=""), copied, preserve=True)
         links = {str(one.relative_to(here / "maps")) for one in (here / "maps").rglob("*") if one.is_symlink()}
-        assert links == {"old", "good", "latest.yaml", "runs"}, again
-        assert Path("maps/good").read_text() == "new" and (here / "maps/mine.yaml").read_text() == "mine"
+        assert links == {"old"}, again
+        assert Path("maps/good").read_text() == Path("maps/latest.yaml").read_text() == "new"
+        assert (here / "maps/mine.yaml").read_text() == "mine"
         left = [line.partition(": a link to what did not come with it")[0] for line in copied.left_out]
-        assert left == ["a", "all", "b", "by-folder", "by-link", "by-two", "hall.yaml", "later", "sites/up"]
+        runs = "runs" if again else "runs: a link to a folder, run7; a tar has it, with `-`"
+        first = ["a", "all", "b", "by-folder", "by-link", "by-two", "hall.yaml", "later", "old"]
+        assert left == [*first, runs, "sites/up"]
+
+
+def test_no_name_of_a_copy_becomes_that_of_what_comes_later(here: Path) -> None:
+    """Of another robot's file, under a name that the first one chose; or of the user's, written in its place."""
+    (here / "maps").mkdir()
+    first = tar(
+        ("m", DIR, ""), ("m/site.yaml", FILE, "a decoy"), ("m/hall.yaml", SYM, "site.yaml"), ("m/run7", DIR, ""),
+        ("m/again.yaml", HARD, "m/site.yaml"), ("m/latest", SYM, "run7"), ("m/by-two", SYM, "hall.yaml"),
+    )  # fmt: skip
+    later = tar(("m", DIR, ""), ("m/site.yaml", FILE, "robot3's token"))
+    copied = Copied()
+    unpack(iter([first]), Target(folder="maps", name=""), copied, preserve=False)
+    unpack(iter([later]), Target(folder="maps", name=""), Copied(), preserve=False)
+    (here / "maps/run7/mine.yaml").write_text("mine")
+    names = ("again.yaml", "by-two", "hall.yaml")
+    assert {(here / "maps" / one).read_text() for one in names} == {"a decoy"}
+    with (here / "maps/site.yaml").open("r+") as file:  # as editors do that keep the file
+        file.write("mine")
+    assert {(here / "maps" / one).read_text() for one in names} == {"a decoy"}
+    assert not (here / "maps/latest").exists() and copied.left_out[0].startswith("latest: a link to a folder, run7")
+
+
+def test_what_links_lead_to_counts_as_what_comes(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A container has as many links to one large file as it likes."""
+    monkeypatch.setattr(copied_out, "_MOST_BYTES", 10_000)
+    many = [(f"d/{at}", kind, word) for at, (kind, word) in enumerate([(SYM, "f"), (HARD, "d/f")] * 5)]
+    copied = Copied()
+    with pytest.raises(UsageError, match="with what links lead to, it has more than"):
+        unpack(iter([tar(("d", DIR, ""), ("d/f", FILE, "x" * 4000), *many)]), Target(folder=".", name="copy"), copied,
+               preserve=False)  # fmt: skip
+    assert copied.bytes <= 10_000
+
+
+def test_another_name_of_what_nobody_may_read_is_left_out(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With `-p` a file may come that its owner cannot open; root can."""
+
+    def refuse(*_words: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(copied_out, "open_file", refuse)
+    copied = Copied()
+    made = tar(("d", DIR, ""), ("d/f", FILE, "x"), ("d/h", HARD, "d/f"), ("d/s", SYM, "f"), ("d/g", FILE, "y"))
+    unpack(iter([made]), Target(folder=".", name="copy"), copied, preserve=True)
+    assert sorted(os.listdir("copy")) == ["f", "g"]
+    assert copied.left_out == [f"copy/{one}: another name of a file that nobody may read" for one in ("h", "s")]
 
 
 def test_a_file_that_is_there_stays_where_a_link_to_another_one_would_take_its_place(here: Path) -> None:
@@ -587,7 +636,7 @@ def test_links_of_a_long_chain_are_looked_at_in_time() -> None:
     for at in range(100_000):
         links.add(f"d/{at}", str(at + 1))
     began = time.monotonic()
-    assert [place for place, _, comes in links.all({"d/100000"}, ()) if comes][:1] == ["d/99960"]
+    assert [place for place, _, end in links.all() if end == "d/100000"][:1] == ["d/99960"]
     assert time.monotonic() - began < 20
 
 
@@ -599,7 +648,8 @@ def test_links_out_devices_and_pipes_are_left_out_and_told(here: Path) -> None:
     copied = Copied()
     unpack(iter([made]), Target(folder=".", name="copy"), copied, preserve=False)
     assert sorted(os.listdir("copy")) == ["again", "f", "in"]
-    assert os.path.samefile("copy/again", "copy/f") and os.readlink("copy/in") == "f"
+    assert not os.path.samefile("copy/again", "copy/f") and not os.path.islink("copy/in")
+    assert {Path("copy", name).read_text() for name in ("again", "f", "in")} == {"x"} and copied.files == 3
     assert copied.left_out == [
         "copy/abs: a link that leads out of it, to /etc/passwd",
         "copy/up: a link that leads out of it, to ../x",
