@@ -18,7 +18,7 @@ _README = "in the README"
 _NO_TRIALS = "Compose runs no trials"
 _CHOSEN = "Compose chooses no robot: the file is for one machine"
 _BUILT = "in the Dockerfile of its folder in build/"
-_DOCKERFILE = "the same Dockerfile with its build context, in its folder in build/"
+_DOCKERFILE = "the Dockerfile as it is built, with its build context, in its folder in build/"
 
 _RUNTIME: Table = {
     **dict.fromkeys(

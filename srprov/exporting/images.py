@@ -1,7 +1,7 @@
-"""The folders that Compose builds images from: a Dockerfile with its build context, one folder per CDF. Pure.
+"""The folders that images are built from: a Dockerfile with its build context, one folder per CDF. Pure.
 
-Takes CDFs and functions that read the controller's files; gives files and Compose's `build`. What is built is what
-srprov builds, but for its label and the marks of its builds.
+Takes CDFs and functions that read the controller's files; gives files. What is built is what srprov builds, but for its
+label and the marks of its builds, whoever is given the folder: nothing is left for options of a builder to say.
 """
 
 from __future__ import annotations
@@ -9,18 +9,16 @@ from __future__ import annotations
 import itertools
 import posixpath
 from collections.abc import Collection, Mapping
-from typing import Any
 
 import msgspec
 
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.exporting.model import File
 from srprov.exporting.variables import Open
-from srprov.images.args import with_digests
 from srprov.images.context import DOCKERFILE, Listing, Read, folder_entries
 from srprov.images.dockerfile import FieldErrors
 from srprov.images.plan import ContextFile
-from srprov.images.tag import Checkouts, generated, repository_of
+from srprov.images.tag import Checkouts, generated, repository_of, tailored
 
 
 class Built(msgspec.Struct, frozen=True, kw_only=True):
@@ -30,8 +28,8 @@ class Built(msgspec.Struct, frozen=True, kw_only=True):
     """Of its folder."""
     files: tuple[File, ...]
     """With paths below that folder."""
-    build: Mapping[str, Any]
-    """Compose's `build`, but for the context's path."""
+    variables: tuple[str, ...] = ()
+    """What it takes of the environment of whoever builds it."""
     moving: tuple[str, ...] = ()
     """Of its code repositories, in words, which commit they are now."""
 
@@ -69,30 +67,24 @@ def _from_base(
     dockerfile, entries, moving = generated(cdf, listing, read, checkout)
     lines = dockerfile.text.rstrip("\n").split("\n")[:-1]  # the last says that srprov built it
     text, variables = open_.as_args("\n".join(lines) + "\n")
-    args = {"args": list(variables)} if variables else {}
-    return Built(
-        name=name,
-        files=(File(path=DOCKERFILE, content=text.encode()), *map(_file, entries)),
-        build=args,
-        moving=moving,
-    )
+    files = (File(path=DOCKERFILE, content=text.encode()), *map(_file, entries))
+    return Built(name=name, files=files, variables=variables, moving=moving)
 
 
 def _from_folder(cdf: ContainerDefinition, name: str, listing: Listing, read: Read) -> Built:
+    """Return the folder of a Dockerfile, in which the text that was looked at is the only one that a builder takes.
+
+    What else is called so there is left out, as in a build context of srprov's: nobody looked at it.
+    """
     errors = FieldErrors(cdf)
     folder = cdf.context or posixpath.dirname(cdf.dockerfile)
     none: list[ContextFile] = []
+    text = errors.attempt("dockerfile", lambda: tailored(cdf), "")
     entries = errors.attempt("dockerfile", lambda: folder_entries(folder, listing, read), none)
     errors.raise_any()
-    paths = {entry.path for entry in entries}
-    below = posixpath.relpath(cdf.dockerfile, folder)
-    if below.startswith("../"):  # Compose takes one from outside of the context, but not into another folder
-        below = next(n for n in (DOCKERFILE, f"{DOCKERFILE}.experiment", f"{DOCKERFILE}.srprov") if n not in paths)
-    own = File(path=below, content=with_digests(cdf.dockerfile_text, cdf.pins).encode())
-    build: dict[str, Any] = {"dockerfile": below} if below != DOCKERFILE else {}
-    build |= {"args": dict(cdf.build_args)} if cdf.build_args else {}
-    build |= {"target": cdf.target} if cdf.target else {}
-    return Built(name=name, files=(own, *(_file(entry) for entry in entries if entry.path != below)), build=build)
+    own = File(path=DOCKERFILE, content=text.encode())
+    others = (entry for entry in entries if entry.path.partition("/")[0] != DOCKERFILE)
+    return Built(name=name, files=(own, *map(_file, others)))
 
 
 def _file(entry: ContextFile) -> File:

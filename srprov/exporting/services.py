@@ -85,7 +85,8 @@ class Surroundings(msgspec.Struct, frozen=True, kw_only=True):
             return {"image": service.image or self.images[service.cdf]}
         platforms = self.platforms.get(service.cdf, ())
         only = {"platform": platforms[0]} if len(platforms) == 1 else {}
-        return {"build": {"context": f"./build/{one.name}", **one.build}, **only}
+        args = {"args": list(one.variables)} if one.variables else {}
+        return {"build": {"context": f"./build/{one.name}", **args}, **only}
 
     def _environment(self, service: Service, more: Mapping[str, str]) -> tuple[dict[str, str | None], str]:
         """Return `environment`, and the text of the env_file: what the EDF's files say, as far as it still holds."""

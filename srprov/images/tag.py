@@ -167,7 +167,7 @@ def _from_folder(cdf: ContainerDefinition, listing: Listing, read: Read) -> tupl
         if getattr(cdf, field):
             name = f"packages.{field}" if field in ("apt", "pip", "npm") else field
             errors.attempt(name, _refuse, None)
-    text = errors.attempt("dockerfile", lambda: _tailored(cdf.dockerfile_text, cdf), "")
+    text = errors.attempt("dockerfile", lambda: tailored(cdf), "")
     label = errors.attempt("name", lambda: label_line(cdf), "")
     entries: list[ContextFile] = []
     entries = errors.attempt(
@@ -181,9 +181,13 @@ def _from_folder(cdf: ContainerDefinition, listing: Listing, read: Read) -> tupl
     return Dockerfile(text=f"{text}{label}\n", lines=lines, base=base, pinned=pinned), entries
 
 
-def _tailored(text: str, cdf: ContainerDefinition) -> str:
-    """Return a Dockerfile as it is built: its values for ARG and digests in it, up to the stage that is wanted."""
-    whole = until_stage(text.replace("\r\n", "\n"), cdf.target).rstrip("\n") + "\n"
+def tailored(cdf: ContainerDefinition) -> str:
+    """Return a Dockerfile as it is built: its values for ARG and digests in it, up to the stage that is wanted.
+
+    Raises:
+        ValueError: A value for an ARG cannot be written there.
+    """
+    whole = until_stage(cdf.dockerfile_text.replace("\r\n", "\n"), cdf.target).rstrip("\n") + "\n"
     return with_digests(with_args(whole, cdf.build_args), cdf.pins)
 
 

@@ -84,3 +84,37 @@ def test_ros_nodes_talk_on_a_swarm(lab: Lab, manager: str, tmp_path: Path) -> No
     )
     assert {name: _task(lab, manager, f"chatter-ros_{name}")[0] for name in home} == home
     lab.shell(manager, "docker", "stack", "rm", "chatter-ros")
+
+
+CONSOLE = """
+import socket, subprocess
+server = socket.create_server(("127.0.0.1", 4444))
+while True:
+    subprocess.Popen(["/bin/sh"], stdin=server.accept()[0])
+"""
+"""A console that root left on the loopback."""
+
+
+def test_build_sh_builds_what_the_cdf_names_and_nothing_else(lab: Lab, tmp_path: Path) -> None:
+    """A file `Dockerfile` beside it had the engine tell a console of root's what to do; no report said a word."""
+    context = tmp_path / "ctx"
+    context.mkdir()
+    (context / "talker.dockerfile").write_text('FROM busybox\nCMD ["echo", "looked at"]\n')
+    order = "ADD http://127.0.0.1:4444/;touch\\$IFS/root/told; /x"
+    (context / "Dockerfile").write_text(f'FROM busybox\n{order}\nCMD ["echo", "not looked at"]\n')
+    (tmp_path / "talker.cdf").write_text("cdf: 1\ndockerfile: {context: ctx, dockerfile: talker.dockerfile}\n")
+    edf = tmp_path / "experiment.edf"
+    edf.write_text("edf: 1\nname: built\nservices: {talker: {cdf: talker.cdf, robot: robot1}}\n")
+    _exported(lab, edf, tmp_path)
+    tag = (tmp_path / "stack" / "build.sh").read_text().split()[-2]
+    begun = f"setsid python3 -c '{CONSOLE}' </dev/null >/dev/null 2>&1 & echo $! >/root/console; sleep 1"
+    lab.shell("robot1", "sh", "-c", begun)
+    try:
+        _copied(lab, "robot1", tmp_path / "stack")
+        lab.shell("robot1", "sh", "-c", "timeout 30 /root/stack/build.sh", check=False)
+        told = lab.shell("robot1", "ls", "/root/told", check=False)
+        said = lab.shell("robot1", "docker", "run", "--rm", tag, check=False)
+    finally:
+        lab.shell("robot1", "sh", "-c", "kill $(cat /root/console); rm -rf /root/stack /root/told /root/console")
+        lab.shell("robot1", "docker", "rmi", "-f", tag, check=False)
+    assert told.code != 0 and said.out == "looked at\n", (told, said)

@@ -260,7 +260,8 @@ def test_images_are_folders_to_build(tmp_path: Path) -> None:
     own = services["b"]["build"]["context"].removeprefix("./")
     assert contents(made)[f"{own}/Dockerfile"] == files["sub__Dockerfile"].encode()
     assert contents(made)[f"{own}/x"] == b"x"
-    assert services["c"]["build"] == {"context": "./build/c", "args": {"V": "2"}, "target": "one"}
+    assert services["c"]["build"] == {"context": "./build/c"}
+    assert contents(made)["build/c/Dockerfile"] == b'ARG V="2"\nFROM busybox AS one\nCOPY x /x\n'
     assert services["c"]["platform"] == "linux/amd64"
 
 

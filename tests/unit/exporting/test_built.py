@@ -1,0 +1,44 @@
+"""What a builder is given in an export: the very text that permissions were asked for, by the name that it takes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from srprov.exporting.model import Export
+from tests.unit.exporting.clusters import on_cluster
+from tests.unit.exporting.exports import contents, experiment, twin
+
+TEXT = "services: {a: {cdf: a.cdf}}"
+FILES = {
+    "a_dot_cdf": "cdf: 1\ndockerfile: {context: ctx, dockerfile: a.dockerfile, args: {V: 2}, target: one}\n",
+    "ctx__a_dot_dockerfile": "ARG V=1\nFROM busybox AS one\nFROM one\nADD http://127.0.0.1/x /x\n",
+    "ctx__Dockerfile": "# syntax=stranger.example/frontend\nFROM srprov/other:1\nADD http://127.0.0.1/x /x\n",
+    "ctx__y": "y",
+}
+
+
+def exported(tool: str, edf: Path) -> Export:
+    return twin(edf) if tool == "compose" else on_cluster(tool, edf)
+
+
+@pytest.mark.parametrize("tool", ["compose", "swarm", "kubernetes"])
+def test_nothing_is_built_but_the_dockerfile_that_was_looked_at(tool: str, tmp_path: Path) -> None:
+    """`build.sh` built what else was called `Dockerfile`, all stages, by other values: nobody had been asked."""
+    made = exported(tool, experiment(tmp_path, TEXT, **FILES))
+    found = contents(made)
+    assert found["build/a/Dockerfile"] == b'ARG V="2"\nFROM busybox AS one\n'
+    assert found["build/a/y"] == b"y"
+    orders = [text for path, text in found.items() if path in ("build.sh", "compose.yml")]
+    assert not any(word in text for text in orders for word in (b"a.dockerfile", b"one", b"args", b" -f "))
+    assert not any("ADD" in note or "srprov/other" in note for note in made.notes)
+
+
+@pytest.mark.parametrize("tool", ["compose", "swarm", "kubernetes"])
+def test_a_link_that_is_called_so_is_left_out(tool: str, tmp_path: Path) -> None:
+    edf = experiment(tmp_path, TEXT, **FILES)
+    (tmp_path / "ctx" / "Dockerfile").unlink()
+    (tmp_path / "ctx" / "Dockerfile").symlink_to("y")
+    (one,) = (file for file in exported(tool, edf).files if file.path == "build/a/Dockerfile")
+    assert (one.link, one.content[:4]) == (None, b"ARG ")
