@@ -75,7 +75,7 @@ class Surroundings(msgspec.Struct, frozen=True, kw_only=True):
         return Part(
             document={key: _pairs(key, value) for key, value in document.items() if _says(key, value)},
             files=(*mounts.files, *peers, *(env if listed else ())),
-            remarks=(*mounts.remarks, *self._remarks(service)),
+            remarks=(*mounts.remarks, *self._remarks(service), *_variables(service, document)),
             needs=mounts.needs,
         )
 
@@ -120,10 +120,19 @@ class Surroundings(msgspec.Struct, frozen=True, kw_only=True):
             yield Remark(path=(*at, "robot"), kind=ADAPTED, words=f"it is in the file of {self.machine.robot}")
         if service.profiles and not self.profiles:
             yield Remark(path=(*at, "profiles"), kind=ADAPTED, words="it was wanted when this was exported")
-        for name, value in sorted(service.runtime.environment.items()):
-            if self.open.stands_for(value):
-                why = f"{name} is taken from the environment of whoever runs Compose"
-                yield Remark(path=(*at, "environment"), kind=ADAPTED, words=why)
+
+
+def _variables(service: Service, document: Mapping[str, Any]) -> Iterator[Remark]:
+    """Yield what Compose takes of its environment for a service, or for its image: as it is written, whoever says so.
+
+    A variable that a CDF names goes into the image also where the EDF has a value for the container.
+    """
+    at = ("services", service.instance_of or service.name, "environment")
+    taken = {name: "" for name, value in document["environment"].items() if value is None}
+    taken |= {name: ", into the image" for name in document.get("build", {}).get("args", ())}
+    for name, where in sorted(taken.items()):
+        words = f"{name} is taken from the environment of whoever runs Compose{where}"
+        yield Remark(path=at, kind=ADAPTED, words=words)
 
 
 def _line(name: str, value: str) -> str:

@@ -8,7 +8,7 @@ import pytest
 
 from srprov.exporting.model import Export
 from tests.unit.exporting.clusters import on_cluster
-from tests.unit.exporting.exports import contents, experiment, twin
+from tests.unit.exporting.exports import classes, contents, document, experiment, notes, twin
 
 TEXT = "services: {a: {cdf: a.cdf}}"
 FILES = {
@@ -42,3 +42,20 @@ def test_a_link_that_is_called_so_is_left_out(tool: str, tmp_path: Path) -> None
     (tmp_path / "ctx" / "Dockerfile").symlink_to("y")
     (one,) = (file for file in exported(tool, edf).files if file.path == "build/a/Dockerfile")
     assert (one.link, one.content[:4]) == (None, b"ARG ")
+
+
+def test_what_a_build_takes_of_the_environment_is_told(tmp_path: Path) -> None:
+    """The EDF's own value for the container hid that the image is built with that of whoever runs Compose."""
+    text = "services:\n  a: {cdf: a.cdf, environment: {TOKEN: none}}\n  b: {cdf: a.cdf}\n  c: {cdf: c.cdf}\n"
+    files = {
+        "a_dot_cdf": "cdf: 1\nbase: busybox\nenvironment: [TOKEN]\nrun: echo $TOKEN >/x\n",
+        "c_dot_cdf": "cdf: 1\nextends: a.cdf\nenvironment: [OTHER, TOKEN=1]\n",
+    }
+    made = twin(experiment(tmp_path, text, **files))
+    written = document(made)["services"]
+    assert [written[name]["build"]["args"] for name in "abc"] == [["TOKEN"], ["TOKEN"], ["OTHER"]]
+    told = "{} is taken from the environment of whoever runs Compose, into the image"
+    for name, variable in (("a", "TOKEN"), ("b", "TOKEN"), ("c", "OTHER")):
+        assert notes(made)[f"services.{name}.environment"] == told.format(variable)
+        assert classes(made)[f"services.{name}.environment"] == "adapted"
+    assert contents(made)["README.md"].decode().count(", into the image") == 3
