@@ -30,6 +30,7 @@ from srprov.definitions.paths import inside, named
 from srprov.errors import DefinitionError, UsageError
 from srprov.exporting import Wanted, export
 from srprov.exporting.model import Export
+from srprov.exporting.reach import as_written
 from srprov.exporting.variables import Open
 from srprov.images.tag import Checkouts, no_repositories
 from srprov.planning.policy import permissions
@@ -172,15 +173,16 @@ def _exported(
                 definitions=replace(source.definitions, experiment=experiment, containers=containers),
                 placed=placed, robots=addresses, profiles=source.every_profile, open=source.open,
                 env_files=_env_files(source), texts=_texts(source), edf=source.file,
-                notes=(*source.definitions.notes, *_granted(source, experiment)),
+                notes=(*source.definitions.notes, *_granted(source, experiment, placed)),
                 listing=disk.listing, read=disk.read, shipped=functools.cache(_shipped),
                 checkout=_checkout(containers, source.allowed), lossy=source.lossy,
             )
         )  # fmt: skip
 
 
-def _granted(source: Source, experiment: Experiment) -> Iterator[str]:
+def _granted(source: Source, experiment: Experiment, placed: Mapping[str, str]) -> Iterator[str]:
     """Yield a note for each permission that `apply` would ask for of what is written: other tools ask for none."""
+    experiment = as_written(experiment, placed) if source.tool == "compose" else experiment
     of = {name: one.instance_of or name for name, one in experiment.services.items()}
     asked = permissions(experiment, source.definitions.containers)
     told = {(of.get(one.service, one.service), one.kind, one.what): None for one in asked if one.kind not in _NOT_THERE}

@@ -87,10 +87,25 @@ def reaches(experiment: Experiment, machines: Sequence[Machine], robots: Mapping
     Raises:
         UsageError: The subnet cannot be, or services are on several robots, and an address of one is not known.
     """
-    networked = {one.robot for one in machines for name in one.services if experiment.services[name].network != "none"}
-    if len(networked) > 1:
+    if _is_across(experiment, {name: one.robot for one in machines for name in one.services}):
         return _across(experiment, machines, robots)
     return {machine.robot: _alone(experiment, machine) for machine in machines}
+
+
+def as_written(experiment: Experiment, placed: Mapping[str, str]) -> Experiment:
+    """Return an experiment whose services have the network that they get in Compose's files; service -> robot."""
+    if not _is_across(experiment, placed):
+        return experiment
+    services = {
+        name: replace(one, network="host") if one.network in ON_OVERLAY else one
+        for name, one in experiment.services.items()
+    }
+    return replace(experiment, services=services)
+
+
+def _is_across(experiment: Experiment, placed: Mapping[str, str]) -> bool:
+    """Return whether services that have a network are on several robots, between which Compose has none."""
+    return len({robot for name, robot in placed.items() if experiment.services[name].network != "none"}) > 1
 
 
 def _alone(experiment: Experiment, machine: Machine) -> Reach:

@@ -32,7 +32,7 @@ class _Robot:
 
 def test_what_is_asked_of_nobody_is_told_of_the_paths_that_are_written(tmp_path: Path) -> None:
     """`~USER` may be any folder there; instances of one service are told once."""
-    text = "services: {a: {image: x, replicas: 2, volumes: ['~pilot/docker.sock:/s']}}"
+    text = "services: {a: {image: x, replicas: 2, network: none, volumes: ['~pilot/docker.sock:/s']}}"
     source = compose.read(str(experiment(tmp_path, text)), frozenset(), placed=True)
     placed = {"a-1": "r1", "a-2": "r2"}
     facts: Any = dict.fromkeys(("r1", "r2"), _Robot())
@@ -40,6 +40,15 @@ def test_what_is_asked_of_nobody_is_told_of_the_paths_that_are_written(tmp_path:
     made = compose.on_robots(source, there, placed, ADDRESSES)
     told = [note for note in made.notes if "asks nobody" in note]
     assert told == ["a gets more than its container, and Compose asks nobody: docker-socket (/run/docker.sock)"]
+
+
+def test_the_robots_own_network_is_told_where_compose_has_no_other(tmp_path: Path) -> None:
+    """In the words of the permission, as `apply` asks for none: on several robots, services of the overlay get it."""
+    edf = experiment(tmp_path, "services: {a: {image: x}, b: {image: x}, c: {image: x, network: none}}")
+    told = [note for note in on_robots(edf, {"a": "r1", "b": "r2", "c": "r2"}).notes if "asks nobody" in note]
+    assert [note.partition(" gets more")[0] for note in told] == ["a", "b"]
+    assert all("host-network" in note and "root's programs may do what they are told there" in note for note in told)
+    assert on_robots(edf, {"a": "r1", "b": "r1", "c": "r2"}).notes == ()
 
 
 PAIR = """\
