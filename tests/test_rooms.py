@@ -61,9 +61,10 @@ ROOMS: Mapping[str, Room] = {
     "pace": room(),
     "image_reference": room(),
     "published": room(),
+    "tree_links": room(),
     "git_address": room(),
     # Runs git on the controller: what it fetches are files of strangers.
-    "git": room("believed git_address private regular_file definitions.program"),
+    "git": room("believed git_address private regular_file tree_links definitions.program"),
     "untrusted": room(),
     "robot_answers": room("codes errors untrusted"),
     "yamldoc": room("codes errors regular_file", "yaml"),
@@ -131,7 +132,7 @@ ROOMS: Mapping[str, Room] = {
     # A Compose project in its normal form -> the folder of an experiment.
     "conversion": room("believed codes errors names private published regular_file yamldoc definitions importing"),
     # Compose files of an experiment: as values, but for the one file that writes them into a folder.
-    "exporting": room("believed codes errors plain_tar definitions facts.model images network yamldoc"),
+    "exporting": room("believed codes errors plain_tar tree_links definitions facts.model images network yamldoc"),
     # Images as files of strangers: nothing is opened, nothing of them is run.
     "oci": room("image_reference layers untrusted"),
     "lab": room("codes errors regular_file yamldoc", "yaml"),

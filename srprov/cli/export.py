@@ -152,7 +152,7 @@ def _check_free(target: Path) -> None:
 def _write(made: Export, target: Path, *, as_json: bool) -> int:
     from srprov.exporting import folder
 
-    folder.write(str(target), made.files)
+    folder.write_export(str(target), made)
     _tell(made, target, as_json=as_json)
     return 0
 

@@ -15,10 +15,45 @@ from collections.abc import Iterable
 from srprov import believed
 from srprov.codes import Code
 from srprov.errors import UsageError
-from srprov.exporting.model import File
+from srprov.exporting.model import Export, File
+from srprov.tree_links import leaving
 
 _FOLDER = 0o755
 _MARK = 0o700
+
+
+def write_export(folder: str, made: Export) -> None:
+    """Write an export into a folder, as `write` does.
+
+    Raises:
+        UsageError: As for `write`; or a link leads out of the part of the export in which it lies.
+    """
+    _check_links(made)
+    write(folder, made.files)
+
+
+def _check_links(made: Export) -> None:
+    """Refuse a link out of `build/`, `files/` and the like: a folder is there to be copied, with what links lead to.
+
+    So scp, zip and others do. From this place a stranger's link leads to another file than from where it was.
+    """
+    parts: dict[str, dict[str, str]] = {}
+    for one in made.files:
+        if one.link is not None:
+            robot = next((each.folder for each in made.machines if one.path.startswith(each.folder)), "")
+            part, _, below = one.path.removeprefix(robot).partition("/")
+            parts.setdefault(f"{robot}{part}", {})[below] = one.link
+    for part, links in sorted(parts.items()):
+        try:
+            path = leaving(links)
+        except ValueError as error:
+            raise UsageError(f"{part}: {error}", code=Code.OUTSIDE) from None
+        if path:
+            raise UsageError(
+                f"the link {part}/{path} would lead out of {part}/: a copy of the export may have what it leads to",
+                hint="put the file itself there, or leave the link out, of a build by .dockerignore",
+                code=Code.OUTSIDE,
+            )
 
 
 def write(folder: str, files: Iterable[File]) -> None:

@@ -14,16 +14,13 @@ from dataclasses import dataclass, field
 import msgspec
 
 from srprov.git.program import GitError
+from srprov.tree_links import leaving
 
 MOST_FILES = 20_000
-_MOST_LINKS = 40
-"""That one path may lead over."""
 _LONGEST_PATH = 1000
 _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 _LONGEST_TARGET = 4095
 """Bytes of where a link leads, as Linux has it."""
-_MOST_STEPS = 1_000_000
-"""That all links of a tree may lead over together."""
 _LISTED = re.compile(rb"([0-7]{6}) [a-z]+ ([0-9a-f]{40}|[0-9a-f]{64}) +([0-9]{1,15}|-)\t(.*)", re.DOTALL)
 """What `git ls-tree -l` prints for an entry: mode, object, size, name."""
 _FILE, _PROGRAM, _OLD_FILE, _LINK, _SUBMODULE = "100644", "100755", "100664", "120000", "160000"
@@ -129,58 +126,9 @@ def check_links(links: Mapping[str, bytes]) -> None:
     """
     if path := next((path for path, content in sorted(links.items()) if not 0 < len(content) <= _LONGEST_TARGET), ""):
         raise GitError(f"the link {path} leads out of the repository: no folder can have it")
-    root, steps = _Place(), _MOST_STEPS
-    for path, content in links.items():
-        root.below(path).target = content.decode("utf-8", "surrogateescape")
-    for path in sorted(links):
-        taken = _stays(path, root, steps)
-        if taken is None:
-            raise GitError(f"the link {path} leads out of the repository")
-        steps -= taken
-        if steps <= 0:
-            raise GitError(f"its links lead over more than {_MOST_STEPS} folders")
-
-
-class _Place:
-    """A name in a tree that a link has, or that is above one."""
-
-    __slots__ = ("places", "target")
-
-    def __init__(self) -> None:
-        self.places: dict[str, _Place] = {}
-        self.target = ""
-
-    def below(self, path: str) -> _Place:
-        """Return the place of a path, which is made."""
-        here = self
-        for part in path.split("/"):
-            here = here.places.setdefault(part, _Place())
-        return here
-
-
-def _stays(path: str, root: _Place, most: int) -> int | None:
-    """Walk a path as the kernel does, at most so many steps; return how many, or None where it leaves the tree."""
-    ahead, behind = path.split("/")[::-1], [root]  # type: list[str], list[_Place]
-    followed = steps = 0
-    while ahead and steps < most:
-        part = ahead.pop()
-        steps += 1
-        if part in ("", "."):
-            continue
-        if part == "..":
-            if len(behind) == 1:
-                return None
-            behind.pop()
-            continue
-        here = behind[-1].places.get(part, _NOWHERE)
-        if here.target:
-            followed += 1
-            if here.target.startswith("/") or "\0" in here.target or followed > _MOST_LINKS:
-                return None
-            ahead += here.target.split("/")[::-1]
-        else:
-            behind.append(here)
-    return steps
-
-
-_NOWHERE = _Place()
+    try:
+        path = leaving({path: content.decode("utf-8", "surrogateescape") for path, content in links.items()})
+    except ValueError as error:
+        raise GitError(str(error)) from None
+    if path:
+        raise GitError(f"the link {path} leads out of the repository")
