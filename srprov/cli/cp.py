@@ -16,7 +16,7 @@ from srprov.cli.codes import FAILED
 from srprov.cli.output import Answer, counted, err, expect, is_terminal, wants_color
 from srprov.cli.streams import lost
 from srprov.codes import Code
-from srprov.errors import UsageError
+from srprov.errors import UsageError, visible
 
 if TYPE_CHECKING:
     from srprov.controller.copied import Copied
@@ -64,7 +64,7 @@ def cp(
     From a container, a link comes as a file of its own. Exits with 0; with 3 when something was left out: links to
     folders or to what did not come, devices, pipes, sockets, repositories; with 4 when the robot is lost.
     """
-    from srprov.controller.copying import made_from, place
+    from srprov.controller.copying import place
 
     here, there = place(source), place(destination)
     service = here if not isinstance(here, str) else there
@@ -75,18 +75,27 @@ def cp(
         raise UsageError(
             "a tar is nothing for a terminal", hint="let it go into a file or a program: | tar t", code=Code.OPTIONS
         )
-    read = inputs.definitions_if_valid(file)
-    experiment = read.experiment if read else None
+    experiment = inputs.experiment_if_valid(file)
     with _located(file, service.service, inventories, forks, timeout, instance, experiment) as (session, where):
         container = where.container
         if isinstance(there, str):
             assert not isinstance(here, str)
-            believed = (file, *inventories, *(made_from(read) if read else ()))
+            believed = (file, *inventories, *_made_from(file))
             return _out(session, container, here, there, preserve=preserve, believed=believed)
         assert isinstance(here, str)
         from srprov.controller.copied_in import Owner
 
         return _into(session, container, here, there, Owner(*owner))
+
+
+def _made_from(file: str) -> Collection[str]:
+    """Return what an EDF is made from; of one that is not valid, which may name any file there, its whole folder."""
+    from srprov.controller.made_from import files_of
+
+    if own := files_of(file):
+        return own
+    err(f"note: {visible(file)} is not valid, so nothing is copied into its folder")
+    return (os.path.dirname(file) or os.curdir,)
 
 
 @contextmanager

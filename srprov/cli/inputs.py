@@ -96,14 +96,8 @@ def load_experiment(path: str, wanted: Collection[str] = ("*",)) -> Definitions:
 
 def experiment_if_valid(path: str) -> Experiment | None:
     """Read an EDF for the names of its services; one that is not valid any more gives None."""
-    found = definitions_if_valid(path)
-    return found.experiment if found else None
-
-
-def definitions_if_valid(path: str) -> Definitions | None:
-    """Read an EDF and every file that it names; one that is not valid any more gives None."""
     try:
-        return load_experiment(path)
+        return load_experiment(path).experiment
     except DefinitionError:
         return None
 

@@ -20,7 +20,7 @@ from srprov.controller.copied_in import Owner, tar_of
 from srprov.controller.copied_out import Target, unpack
 from srprov.controller.copied_raw import passed_on
 from srprov.definitions.homes import homes_in
-from srprov.definitions.model import VERSION_CONTROL_IN_ANY_CASE, Definitions
+from srprov.definitions.model import VERSION_CONTROL_IN_ANY_CASE
 from srprov.definitions.paths import inside, refuse_link_out
 from srprov.errors import UsageError
 from srprov.regular_file import VARIABLES
@@ -117,16 +117,6 @@ def _refuse_beside_own(target: Target, believed: Collection[str]) -> None:
             hint="copy it into a folder of its own",
             code=Code.IN_THE_WAY,
         )
-
-
-def made_from(definitions: Definitions) -> list[str]:
-    """Return the files that say what an experiment is: definitions, Dockerfiles, variables, secrets; not what it ships.
-
-    What is shipped is what people bring from a robot.
-    """
-    experiment, containers = definitions.experiment, definitions.containers
-    every = {*experiment.files, *containers, *(one.dockerfile for one in containers.values())}
-    return sorted({*every, *(one.file for one in experiment.secrets.values())} - {""})
 
 
 def _read_whole(believed: Collection[str]) -> Iterator[str]:

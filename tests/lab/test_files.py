@@ -196,12 +196,17 @@ def test_no_container_puts_definitions_in_the_place_of_the_experiment_s(begun: B
     name = yaml.safe_load((begun.folder / "experiment.edf").read_text())["name"]
     (tmp_path / "nav").mkdir()
     (tmp_path / "nav/nav.cdf").write_text("cdf: 1\nname: nav\nbase: busybox\ncommand: nav\n")
-    (tmp_path / "e.edf").write_text(f"edf: 1\nname: {name}\nservices: {{talker: {{cdf: nav/nav.cdf}}}}\n")
+    text = f"edf: 1\nname: {name}\nservices: {{talker: {{cdf: nav/nav.cdf, environment: [SET_FOR_APPLY_ALONE]}}}}\n"
+    (tmp_path / "e.edf").write_text(text)
     begun.inside("talker", "mkdir -p /config && cd /config && touch nav.cdf params.yaml")
     command = ("cp", str(tmp_path / "e.edf"), "-i", begun.inventory, f"talker@{begun.robot('talker')}:/config/.")
     copied = begun.lab.srprov(*command, str(tmp_path / "nav"))
     assert copied.code == 5 and "nav.cdf: what a container has could name programs there" in copied.err, copied
     assert begun.lab.srprov(*command, str(tmp_path / "nav/config")).code == 0
+    (tmp_path / "e.edf").write_text(text.replace("cdf: nav", "wrong: 1, cdf: nav"))
+    for place in ("nav", "new"):
+        copied = begun.lab.srprov(*command, str(tmp_path / place))
+        assert copied.code == 5 and "is not valid, so nothing is copied into its folder" in copied.err, copied
     assert (tmp_path / "nav/nav.cdf").stat().st_size
 
 

@@ -23,8 +23,8 @@ from srprov.controller.copied import Copied
 from srprov.controller.copied_in import Owner, tar_of
 from srprov.controller.copied_links import Links, stays_inside
 from srprov.controller.copied_out import Target, unpack
-from srprov.controller.copying import InService, copy_into, copy_out, made_from, place, raw_into, raw_out
-from srprov.definitions import load_experiment
+from srprov.controller.copying import InService, copy_into, copy_out, place, raw_into, raw_out
+from srprov.controller.made_from import files_of
 from srprov.errors import UsageError
 from srprov.record.memory import note_secret_files
 from srprov.transport import tar_stream
@@ -207,9 +207,10 @@ def test_no_name_that_a_container_chooses_lies_where_the_experiment_is_defined(e
     (here / "image/made.cdf").write_text("cdf: 1\nname: made\ndockerfile: Dockerfile\n")
     (here / "e.edf").write_text(
         "edf: 1\nname: e\nsecrets: {token: {file: keys/token}}\nservices:\n  nav: {cdf: nav/nav.cdf, secrets: [token], "
-        "env_file: set/nav.env, volumes: ['./maps:/maps:ro']}\n  made: {cdf: image/made.cdf}\n"
+        "env_file: set/nav.env, volumes: ['./maps:/maps:ro'], environment: [SET_FOR_APPLY_ALONE]}\n"
+        "  made: {cdf: image/made.cdf}\n"
     )
-    believed = made_from(load_experiment("e.edf"))
+    believed = files_of("e.edf")
     for target in ("nav", "base", "image", "keys", "set"):
         with pytest.raises(UsageError, match="what a container has could name programs there"):
             out(engine, "s:/out/.", target, believed=believed)
@@ -217,6 +218,11 @@ def test_no_name_that_a_container_chooses_lies_where_the_experiment_is_defined(e
         out(engine, "s:/out/.", target, believed=believed)
     out(engine, "s:/out", "nav", believed=believed)
     assert {"maps/a.txt", "nav/config/a.txt", "nav/out/a.txt"} <= tree(here).keys()
+
+
+def test_of_an_edf_that_is_not_valid_nobody_knows_what_it_is_made_from(here: Path) -> None:
+    (here / "e.edf").write_text("edf: 1\nname: e\nservices: {nav: {cdf: not-there.cdf}}\n")
+    assert files_of("e.edf") == []
 
 
 @pytest.mark.parametrize(("word", "target"), [("s:/x/.git", "."), ("s:/x/.git/config", ".git"), ("s:/x", "link/new")])
