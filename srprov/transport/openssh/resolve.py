@@ -17,7 +17,7 @@ from srprov.codes import Code
 from srprov.definitions.model import Host
 from srprov.errors import ConnectError
 from srprov.transport.openssh.settings import SshSettings
-from srprov.transport.openssh.ssh_config import ADDS_UP, DEFAULT_KEYS, check_words, lookup, words
+from srprov.transport.openssh.ssh_config import ADDS_UP, DEFAULT_KEYS, check_parts, check_words, lookup, words
 
 _PORTS = 1 << 16
 _OF_JUMP_HOSTS_TOO = ("userknownhostsfile", "globalknownhostsfile", "stricthostkeychecking")
@@ -79,8 +79,10 @@ def _settings(
         wrong, hint = f"port {port!r} is not within 1 to 65535", "correct ansible_port or ssh_config"
         raise ConnectError(host.name, wrong, hint=hint, code=Code.SSH_CONFIG)
     alias, proxy = config.one("hostkeyalias") or None, config.chosen("proxycommand")
+    names = (hostname, host.address, user, alias or "")
+    check_parts(host.name, names)
     if proxy:
-        check_words(host.name, (hostname, host.address, user, alias or ""))
+        check_words(host.name, names)
     tokens = _tokens(host.address, hostname, port, user, alias)
     keys = _paths(config.every.get("identityfile", ()), tokens)
     checking, timeout = config.one("stricthostkeychecking", "yes").lower(), config.one("connecttimeout")

@@ -137,6 +137,20 @@ def check_words(name: str, words: Iterable[str]) -> None:
             )
 
 
+def check_parts(name: str, words: Iterable[str]) -> None:
+    """Refuse what would be more than a part of a path, as `UserKnownHostsFile ~/.ssh/known/%r` has it.
+
+    Raises:
+        ConnectError: A host or user name has a slash.
+    """
+    for word in words:
+        if "/" in word:
+            hint = "ssh_config may put it into the name of a file: correct ansible_host, ansible_user or ssh_config"
+            raise ConnectError(
+                name, f"{word[:80]!r} is no host or user name: it has a slash", hint=hint, code=Code.SSH_CONFIG
+            )
+
+
 def words(text: str) -> list[str]:
     """Split a value of several words, some perhaps in quotes."""
     try:

@@ -189,6 +189,15 @@ def test_match_exec_gets_no_shell_text_as_a_name(tmp_path: Path, where: str, wor
     assert not [*tmp_path.glob("ran*")]
 
 
+@pytest.mark.parametrize(
+    "given", [{"user": "x/../../keys"}, {"address": "../bot"}, {"ssh_options": (("hostkeyalias", "a/b"),)}]
+)
+def test_no_name_leads_to_another_file(tmp_path: Path, given: dict[str, object]) -> None:
+    """A project names its robots, and the user's own file may have known hosts of each in a file of its own."""
+    with pytest.raises(ConnectError, match="it has a slash"):
+        resolved(tmp_path, f"Host *\n  UserKnownHostsFile {tmp_path}/%k/%r\n", **given)
+
+
 @pytest.mark.parametrize("address", ["10.0.0.1", "2001:db8::1", "fe80::1%eth0", "bot.lan", "b_o-t"])
 def test_a_proxy_command_gets_any_proper_name(tmp_path: Path, address: str) -> None:
     found = resolved(tmp_path, address=address, user="ada.l@site", ssh_options=(("proxycommand", "nc %h %p"),))
