@@ -2,7 +2,7 @@
 
 Files come before links, and everything lies below a folder that this made, and holds open: no link of the experiment's
 leads a file elsewhere, nor one that others put in the folder's place. Modes are those of the experiment's files; the
-folder itself is its owner's alone.
+folder itself is its owner's alone. What a repository elsewhere holds, or a plan of somebody's, makes none here.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from collections.abc import Iterable
 
 from srprov import believed
 from srprov.codes import Code
+from srprov.definitions.repository_names import WHY, repository_among
 from srprov.errors import UsageError
 from srprov.exporting.model import Export, File
 from srprov.tree_links import leaving
@@ -60,14 +61,17 @@ def write(folder: str, files: Iterable[File]) -> None:
     """Write the files into a folder, which is made, or is there and empty.
 
     Raises:
-        UsageError: It is not empty, or cannot be written.
+        UsageError: It is not empty, cannot be written, or would hold a repository.
     """
+    every = sorted(files, key=lambda one: (one.link is not None, not one.is_folder, one.path))
+    if strange := repository_among(one.path for one in every):
+        what = f"nothing is written: {strange[:200]}: {WHY}"
+        raise UsageError(what, hint="take it out of what it comes from", code=Code.STRANGE_FILE)
     try:
         os.makedirs(folder, mode=_MARK, exist_ok=True)
         with believed.to_fill(folder) as place:
             if os.listdir(place):
                 raise UsageError(f"{folder} is not empty", hint="name a new folder with -o", code=Code.IN_THE_WAY)
-            every = sorted(files, key=lambda one: (one.link is not None, not one.is_folder, one.path))
             made = {""}
             for one in every:
                 _write(place, one, made)

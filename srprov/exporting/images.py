@@ -13,6 +13,7 @@ from collections.abc import Collection, Mapping
 import msgspec
 
 from srprov.definitions.containermodel import ContainerDefinition
+from srprov.definitions.repository_names import WHY, is_kept_name
 from srprov.exporting.model import File
 from srprov.exporting.variables import Open
 from srprov.images.context import DOCKERFILE, Listing, Read, folder_entries
@@ -31,7 +32,7 @@ class Built(msgspec.Struct, frozen=True, kw_only=True):
     variables: tuple[str, ...] = ()
     """What it takes of the environment of whoever builds it."""
     moving: tuple[str, ...] = ()
-    """Of its code repositories, in words, which commit they are now."""
+    """Of its code repositories, in words, which commit they are now, and what of them is left out."""
 
 
 def built(
@@ -67,8 +68,16 @@ def _from_base(
     dockerfile, entries, moving = generated(cdf, listing, read, checkout)
     lines = dockerfile.text.rstrip("\n").split("\n")[:-1]  # the last says that srprov built it
     text, variables = open_.as_args("\n".join(lines) + "\n")
-    files = (File(path=DOCKERFILE, content=text.encode()), *map(_file, entries))
-    return Built(name=name, files=files, variables=variables, moving=moving)
+    left_out = [entry.path for entry in entries if is_kept_name(entry.path)]
+    return Built(
+        name=name,
+        files=(
+            File(path=DOCKERFILE, content=text.encode()),
+            *(_file(entry) for entry in entries if not is_kept_name(entry.path)),
+        ),
+        variables=variables,
+        moving=(*moving, *(f"{name}: {one[:200]} and the like are left out: {WHY}" for one in left_out[:1])),
+    )
 
 
 def _from_folder(cdf: ContainerDefinition, name: str, listing: Listing, read: Read) -> Built:

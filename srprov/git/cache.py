@@ -17,6 +17,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from srprov import believed, private
+from srprov.definitions.repository_names import WHY, is_kept_name, repository_among
 from srprov.git.program import FETCH_S, LOOK_S, GitError, run
 from srprov.git.tree import MOST_FILES, Entry, TreeFile, check_links, entries
 from srprov.git_address import Address, is_commit
@@ -92,15 +93,20 @@ def files(
 def folder(address: Address, commit: str, most: int) -> Path:
     """Return a folder of this user's with the files of a commit; it is made if it is not there yet.
 
+    Records have copies of it. So what version control calls its own is left out, as it is of what is shipped, and no
+    folder of it is a repository.
+
     Raises:
         GitError: It cannot be fetched, or holds what cannot be taken.
         OSError: It cannot be kept.
     """
-    place = default_folder() / "trees" / hashlib.sha256(f"{address.url} {commit}".encode()).hexdigest()[:32]
+    place = default_folder() / "folders" / hashlib.sha256(f"{address.url} {commit}".encode()).hexdigest()[:32]
     if os.path.lexists(place):
         believed.check(place)
         return place
-    found = files(address, commit, most)
+    found = [one for one in files(address, commit, most) if not is_kept_name(one.path)]
+    if strange := repository_among(one.path for one in found):
+        raise GitError(f"it holds {strange[:200]}: {WHY}")
     believed.make_folder(place.parent)
     draft = Path(tempfile.mkdtemp(dir=place.parent))
     try:

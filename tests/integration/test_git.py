@@ -154,6 +154,22 @@ def test_what_no_folder_can_have_is_refused(server: Server, tmp_path: Path) -> N
     assert list(_files(server, commit, tmp_path, elsewhere={"lib"})) == ["a"]
 
 
+def test_a_folder_with_a_commit_is_no_repository(
+    server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A record has copies of it, and git runs what the settings of a repository name, also of one without `.git`."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    x = server.blob("x")
+    inner = server.git("mktree", given=f"100644 blob {x}\tx\n".encode())
+    bare = [f"100644 blob {x}\tHEAD", f"100644 blob {x}\tconfig"]
+    bare += [f"040000 tree {inner}\tobjects", f"040000 tree {inner}\trefs"]
+    src = server.git("mktree", given="".join(f"{line}\n" for line in bare).encode())
+    with pytest.raises(GitError, match="src/HEAD: a repository here could name programs"):
+        cache.folder(server.address, server.tree(f"040000 tree {src}\tsrc"), MOST)
+    made = cache.folder(server.address, server.tree(*bare[:3], f"040000 tree {inner}\t.hg"), MOST)
+    assert sorted(one.name for one in made.iterdir()) == ["HEAD", "config", "objects"]
+
+
 def test_sizes_are_known_before_anything_is_read(server: Server, tmp_path: Path) -> None:
     commit = server.commit(a="x" * (MOST + 1))
     with pytest.raises(GitError, match="more than 20000 files or 1 MiB"):

@@ -39,6 +39,31 @@ def test_no_path_leads_out(tmp_path: Path, path: str) -> None:
         write(str(tmp_path / "out"), [File(path=path, content=b"1")])
 
 
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("HEAD", "config", "objects/x", "refs/x"),
+        ("head", "Objects", "refs"),
+        ("HEAD", "commondir"),
+        (".git/config",),
+        (".GIT",),
+        (".hg/hgrc",),
+    ],
+)
+def test_nothing_that_is_exported_makes_a_repository(tmp_path: Path, names: tuple[str, ...]) -> None:
+    """A repository that an experiment builds with holds another one's files: git ran here what its settings name."""
+    files = [File(path=f"build/a/repositories/0/src/{name}", content=b"x") for name in names]
+    with pytest.raises(UsageError, match="a repository here could name programs"):
+        write(str(tmp_path / "out"), files)
+    assert not (tmp_path / "out").exists()
+
+
+def test_files_that_make_no_repository_are_written(tmp_path: Path) -> None:
+    names = ("HEAD", "a/objects/x", "a/HEAD/x", "a/refs", "b/HEAD", "b/objects-3/x", "b/refs/x", "cvs/x", ".gitignore")
+    write(str(tmp_path / "out"), [File(path=name, content=b"x") for name in names])
+    assert (tmp_path / "out/b/HEAD").is_file()
+
+
 def test_a_link_leads_no_file_elsewhere(tmp_path: Path) -> None:
     """A file below a link is refused: links come last, and so the folder is one, and there already."""
     (tmp_path / "victim").mkdir()
