@@ -19,6 +19,8 @@ from typing import BinaryIO
 
 import msgspec
 
+from srprov.definitions.repository_names import WHY, repository_among
+
 PIECE = 1 << 20
 MOST_ENTRIES = 200_000
 _MOST_DIRECTORY = 64 << 20
@@ -99,11 +101,13 @@ class Names:
         """Look through all of them, once they are there.
 
         Raises:
-            ValueError: A file stands where another one has a folder.
+            ValueError: A file stands where another one has a folder; or they would be a repository.
         """
         for above, name in itertools.pairwise(sorted(self._files)):  # what is below a file comes right behind it
             if name.startswith(f"{above}\0"):
                 raise _twice(name)
+        if made := repository_among(one.replace("\0", "/") for one in self._files):
+            raise ValueError(f"it has {made[:200]}: {WHY}")
 
 
 def _twice(key: str) -> ValueError:
@@ -143,7 +147,7 @@ class Writer:
         """Write the directory.
 
         Raises:
-            ValueError: A file stands where another one has a folder.
+            ValueError: As `Names.check`.
         """
         self._names.check()
         at = self.stream.seek(0, os.SEEK_END)
@@ -240,8 +244,7 @@ def content(stream: BinaryIO, one: Entry) -> Iterator[bytes]:
     stream.seek(one.at + len(one.header))
     left = one.size
     while left:
-        piece = stream.read(min(left, PIECE))
-        if not piece:
+        if not (piece := stream.read(min(left, PIECE))):
             raise ValueError("it ended too early")
         left -= len(piece)
         yield piece

@@ -118,6 +118,25 @@ def test_no_file_stands_where_another_one_has_a_folder(names: tuple[str, ...]) -
         stored_zip.read(io.BytesIO(ours(*names)))
 
 
+@pytest.mark.parametrize(
+    "names", [(".git/config",), ("HEAD", "config", "objects/x", "refs/x"), ("a/HEAD", "a/commondir"), ("a/.hg/hgrc",)]
+)
+def test_no_bundle_is_a_repository_where_it_is_unpacked(names: tuple[str, ...]) -> None:
+    """Whoever unpacked it to look at it, as the manual shows, had git run what its settings name."""
+    with pytest.raises(ValueError, match="a repository here could name programs"):
+        stored_zip.read(io.BytesIO(ours("bundle.json", *names)))
+    writer = stored_zip.Writer(io.BytesIO())
+    for name in names:
+        writer.add(name, 1, [b"x"])
+    with pytest.raises(ValueError, match="a repository here could name programs"):
+        writer.finish()
+
+
+def test_a_file_that_is_called_head_makes_no_repository() -> None:
+    names = ["bundle.json", "a/HEAD", "objects/x", "a/refs/x"]
+    assert [one.name for one in stored_zip.read(io.BytesIO(ours(*names)))] == names
+
+
 def test_the_good_archive_that_these_are_made_of_can_be_read() -> None:
     assert [one.name for one in stored_zip.read(io.BytesIO(GOOD))] == ["bundle.json"]
     assert [one.name for one in stored_zip.read(io.BytesIO(ours("a/b", "c")))] == ["a/b", "c"]
