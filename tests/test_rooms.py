@@ -125,7 +125,7 @@ ROOMS: Mapping[str, Room] = {
     # Pages: what a run left, read as evidence is, and shown.
     "report": room(
         "codes errors names regular_file untrusted trials.judge record.runs evidence.files evidence.story"
-        " assignment.report"
+        " assignment.report definitions.version_control"
     ),
     # Files of other tools -> experiments: reads what strangers wrote, and reaches no robot.
     "importing": room("codes errors private regular_file untrusted image_reference linear_regex yamldoc definitions"),

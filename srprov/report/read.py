@@ -19,6 +19,7 @@ import msgspec
 
 from srprov import regular_file
 from srprov.codes import Code
+from srprov.definitions.version_control import has_further_names
 from srprov.errors import UsageError, visible
 from srprov.report.material import EnvironmentView, FactsView, InputFile, Material
 from srprov.report.model import AssignmentView, EventView, PlanView, ProbeView, ResultView
@@ -60,7 +61,10 @@ class Source(Protocol):
 
 
 class Folder(msgspec.Struct, frozen=True):
-    """The files below a folder; a link among them is not followed."""
+    """The files below a folder; a link among them is not followed, and one with a further name is not read.
+
+    An archive may have made any file of the user's one of the folder, and a page is for others.
+    """
 
     path: Path
     """Without a link in it."""
@@ -68,11 +72,14 @@ class Folder(msgspec.Struct, frozen=True):
     def get(self, name: str, most: int) -> bytes | None:
         """Return a file's content, as Source has it."""
         try:
-            return regular_file.read(self.path / name, most, real=True)
+            content, about = regular_file.read_with_status(self.path / name, most, real=True)
         except FileNotFoundError:
             return None
         except OSError as error:
             raise Unreadable(error.strerror or str(error)) from None
+        if has_further_names(about):
+            raise Unreadable("it has another name (a hard link); copy the record, if it is your own")
+        return content
 
     def names(self, folder: str) -> Iterator[str]:
         """Return the names of files, as Source has it."""
@@ -190,7 +197,8 @@ def of_run(path: Path) -> Material:
     result = reading.one("result.json", ResultView, why="the run was killed, or is under way")
     plan = reading.one("plan.json", PlanView, why="causes of steps are not known", most=MOST_PLAN)
     if about is None and result is None and plan is None:
-        raise UsageError(f"{path} is no record of a run", hint=_HINT, code=Code.NO_RUN)
+        why = reading.missing[0]
+        raise UsageError(f"{path} is no record of a run: {why}", hint=_HINT, code=Code.NO_RUN)
     return Material(
         kind="run",
         name=path.resolve().name,

@@ -52,6 +52,21 @@ def test_links_in_the_place_of_a_run_of_trials_folders_are_refused(tmp_path: Pat
     assert list(files.of_run(folder).sizes) == ["journal.jsonl"]
 
 
+@pytest.mark.parametrize("name", ["result.json", "environment.json", "inputs/notes.txt"])
+def test_no_file_of_the_user_s_is_in_a_page_by_a_second_name(tmp_path: Path, name: str) -> None:
+    """An archive makes one of any file, where it is unpacked: a page is for others, and had all of it as its data."""
+    (tmp_path / "mine").write_text('{"auths": {"registry.lab": {"auth": "decoy"}}}')
+    folder = write(tmp_path / "run", {**a_run(1), "inputs/e.edf": "edf: 1"})
+    if name == "environment.json":  # which is the data of a run that has no result
+        (folder / "result.json").unlink()
+    (folder / name).unlink(missing_ok=True)
+    (folder / name).hardlink_to(tmp_path / "mine")
+    found = of_run(folder)
+    assert b"decoy" not in found.data and "notes.txt" not in [one.name for one in found.inputs]
+    why = "it has another name (a hard link); copy the record, if it is your own"
+    assert f"{name} cannot be read: {why}" in found.missing
+
+
 def test_inputs_are_few_and_have_a_size_in_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Sparse files of any size cost whoever sends them nothing; what cannot be read counts, too."""
     monkeypatch.setattr(read, "MOST", 1000)
