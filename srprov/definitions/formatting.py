@@ -5,6 +5,7 @@ Takes paths or text; gives text, and writes nothing. `yamldoc/canonical.py` sees
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -15,6 +16,7 @@ from srprov import regular_file
 from srprov.codes import Code
 from srprov.definitions.paths import inside, link_out
 from srprov.definitions.schema import MOST_BYTES, MOST_VALUES
+from srprov.definitions.version_control import has_further_names
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc import loader
 from srprov.yamldoc.allowance import allowance
@@ -54,9 +56,10 @@ def formatted(place: Place) -> Formatted:
     """Return a file as it is and in its form.
 
     Raises:
-        DefinitionError: It is neither EDF nor CDF, or cannot be read or brought into form.
+        DefinitionError: It is neither EDF nor CDF, has a further name, or cannot be read or brought into form.
     """
     path = place.path
+    _check_one_name(place)
     kind = _kind(place)
     if not kind:
         problem = Diagnostic(
@@ -65,6 +68,18 @@ def formatted(place: Place) -> Formatted:
         raise DefinitionError([problem])
     text = loader.read_text(place.real, path, MOST_BYTES, real=True)
     return Formatted(path=path, real=place.real, before=text, after=_text(text, path, kind))
+
+
+def _check_one_name(place: Place) -> None:
+    """Refuse a file with a further name: the one here would become a file of its own, with what the other one holds.
+
+    An archive may have given any file of the user's that name. What is made of it here, nobody would know again.
+    """
+    with contextlib.suppress(OSError, ValueError):  # who reads it says so
+        if has_further_names(os.lstat(place.real)):
+            hint = "copy it, if it is the experiment's"
+            why = "has another name (a hard link), and is not read"
+            raise DefinitionError([Diagnostic(Location(place.path), why, hint=hint, code=Code.IN_THE_WAY)])
 
 
 def _kind(place: Place) -> str:

@@ -146,6 +146,20 @@ def test_a_link_that_is_named_is_refused(here: Path, capsys: pytest.CaptureFixtu
     assert (here / "real.edf").read_text() == ODD and (here / "link.edf").is_symlink()
 
 
+@pytest.mark.parametrize("words", [("fmt", "."), ("fmt", "--diff", "camera.cdf"), ("fmt", "--check", "camera.cdf")])
+def test_no_file_of_the_user_s_becomes_the_experiment_s(
+    here: Path, tmp_path_factory: pytest.TempPathFactory, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+) -> None:
+    """An archive makes a hard link, as which it is asked for; brought into form, it was a file like any other."""
+    own = tmp_path_factory.mktemp("own") / "hosts.yml"
+    own.write_text("github.com:\n    oauth_token: decoy\n")
+    (here / "camera.cdf").hardlink_to(own)
+    assert run(list(words)) == 5
+    said = capsys.readouterr()
+    assert "camera.cdf:1:1: error" in said.err and "has another name (a hard link), and is not read" in said.err
+    assert "decoy" not in said.out + said.err and (here / "camera.cdf").samefile(own)
+
+
 def test_standard_input_comes_back_on_standard_output(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
