@@ -5,12 +5,14 @@ A secret's value is never read and never copied: the EDF says where it is. Looks
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
 from collections.abc import Mapping
 from typing import Any
 
 from srprov.conversion.project import FILES, Project
+from srprov.definitions.model import makes_repository
 from srprov.importing.position import Path
 
 _NAME = re.compile(r"[^A-Za-z0-9_.-]+")
@@ -82,13 +84,19 @@ def configs(given: Mapping[str, Any], project: Project, at: Path, folder: str) -
     return mounts, uses
 
 
+def _file_name(config: str) -> str:
+    """Return what the file is called in which a config is written: nothing that leads elsewhere, or is git's own."""
+    clean = _NAME.sub("-", config)
+    return f"config-{clean}" if not clean.strip(".") or makes_repository(clean, folder=False) else clean
+
+
 def _shipped(entry: Mapping[str, Any], name: str, path: Path, project: Project) -> str:
     """Have a config's file copied or written, and return its path in the experiment."""
     if entry.get("content") is not None:
-        place = f"{FILES}/configs/{_NAME.sub('-', project.making.free(name, (), ''))}"
-        if project.making.texts.get(place, entry["content"]) != entry["content"]:
-            place = f"{place}-{len(project.making.texts)}"
-        project.making.texts[place] = str(entry["content"])
+        first, content, texts = f"{FILES}/configs/{_file_name(name)}", str(entry["content"]), project.making.texts
+        every = itertools.chain([first], (f"{first}-{number}" for number in itertools.count(2)))
+        place = next(one for one in every if texts.get(one, content) == content)
+        texts[place] = content
         return place
     source = str(entry.get("file") or "")
     if not source:

@@ -199,3 +199,20 @@ def test_a_link_that_is_put_in_the_folder_s_place_meanwhile_leads_nothing_elsewh
     made(stack, {"a": {**IMAGE}})
     assert os.listdir(own) == ["experiment.edf"] and (own / "experiment.edf").read_text() == "mine"
     assert (stack.parent / "moved" / "experiment.edf").exists()
+
+
+@pytest.mark.parametrize("name", ["HEAD", "head", ".git", "..", "."])
+def test_no_config_makes_a_repository_or_leads_elsewhere(stack: Path, name: str) -> None:
+    """With a file `HEAD`, `commondir` names the rest of one, such as the user's own `.git`: git ran a program."""
+    every = {name: {"content": "ref: x"}, "commondir": {"content": "../../../.git"}}
+    services = {"a": {"image": "x", "configs": [{"source": one, "target": f"/{at}"} for at, one in enumerate(every)]}}
+    out = made(stack, services, configs=every)
+    assert sorted(one.name for one in (out / "files/configs").iterdir()) == ["commondir", f"config-{name}"]
+
+
+def test_two_configs_of_one_file_name_are_two_files(stack: Path) -> None:
+    every = {one: {"content": one} for one in ("a b-2", "a b", "a?b")}
+    services = {"a": {"image": "x", "configs": [{"source": one, "target": f"/{at}"} for at, one in enumerate(every)]}}
+    out = made(stack, services, configs=every)
+    texts = {one.name: one.read_text() for one in (out / "files/configs").iterdir()}
+    assert texts == {"a-b-2": "a b-2", "a-b": "a b", "a-b-3": "a?b"}
