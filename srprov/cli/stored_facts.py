@@ -32,7 +32,7 @@ def stored_facts(path: Path, inventory: Inventory) -> tuple[Snapshot, object]:
     exports, so a link of a project does not lead to those of another lab.
 
     Raises:
-        UsageError: It holds no facts, or is reached by a link that leads out of its folder.
+        UsageError: It holds no facts, is reached by a link that leads out of its folder, or has a further name.
     """
     from srprov.cli.facts_ranges import check_ranges
     from srprov.definitions import refuse_link_out
@@ -42,7 +42,11 @@ def stored_facts(path: Path, inventory: Inventory) -> tuple[Snapshot, object]:
 
     refuse_link_out(str(path), "--facts ")
     try:
-        document = parse_json(regular_file.read_text(path))
+        content, about = regular_file.read_with_status(path)
+        if about.st_nlink > 1 and not path.is_absolute():  # an archive may have given it this one
+            hint = f"if you mean it, name its whole path: --facts {path.absolute()}"
+            raise UsageError(f"{path} has another name (a hard link)", hint=hint, code=Code.STRANGE_FILE)
+        document = parse_json(content.decode())
         found = read_document(document)
         check_ranges(document["robots"])
     except (OSError, ValueError) as error:

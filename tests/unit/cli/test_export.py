@@ -113,6 +113,11 @@ def test_facts_are_read_by_no_link_that_leads_out(
     assert run([*given, "facts.json"]) == 5
     assert "facts.json is a link that leads out of its folder" in capsys.readouterr().err
     assert not (lab / "out").exists()
+    (lab / "facts.json").unlink()
+    (lab / "facts.json").hardlink_to(other)
+    assert run([*given, "facts.json"]) == 5
+    assert "facts.json has another name (a hard link)" in capsys.readouterr().err
+    assert not (lab / "out").exists()
     assert run([*given, str(other)]) == 0, "what the user names himself"
 
 
