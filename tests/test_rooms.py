@@ -64,7 +64,9 @@ ROOMS: Mapping[str, Room] = {
     "tree_links": room(),
     "git_address": room(),
     # Runs git on the controller: what it fetches are files of strangers.
-    "git": room("believed git_address private regular_file tree_links definitions.program definitions.repository_names"),
+    "git": room(
+        "believed git_address private regular_file tree_links definitions.program definitions.repository_names"
+    ),
     "untrusted": room(),
     "robot_answers": room("codes errors untrusted"),
     "yamldoc": room("codes errors regular_file", "yaml"),
