@@ -12,7 +12,8 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import Any
 
 import msgspec
 
@@ -49,7 +50,15 @@ def read_image(inspected: object) -> Image | None:
 def read_config(image_id: str, config: object) -> Image | None:
     """Return an image from its configuration; None for what is none. Whoever calls has compared it with the id."""
     said = mapping(config)
-    return _image(image_id, mapping(said.get("rootfs")).get("diff_ids"), said.get("architecture"))
+    rootfs = mapping(said.get("rootfs"))
+    if _has_other_case(said, "rootfs", "architecture") or _has_other_case(rootfs, "diff_ids"):
+        return None
+    return _image(image_id, rootfs.get("diff_ids"), said.get("architecture"))
+
+
+def _has_other_case(said: Mapping[str, Any], *names: str) -> bool:
+    """Return whether it has one of the names in another case: engines take the last one in whatever case."""
+    return any(key.casefold() in names and key not in names for key in said)
 
 
 def _image(image_id: str, layers: object, architecture: object) -> Image | None:

@@ -16,7 +16,7 @@ from typing import Any
 
 import msgspec
 
-from srprov.layers import architecture_of
+from srprov.layers import read_config
 from srprov.oci.layout import (
     CONFIG_TYPE,
     ENGINE_IDS,
@@ -170,9 +170,9 @@ def _image(source: _Documents, entry: Mapping[str, Any]) -> Stored:
     config = _checked(source, config_id)
     said = _document(source, blob(config_id))
     layers = mappings(manifest.get("layers"), most=_MOST_LAYERS + 1)
-    diff_ids = mapping(said.get("rootfs")).get("diff_ids")
-    ids = [string(one) for one in diff_ids[: _MOST_LAYERS + 1]] if isinstance(diff_ids, list) else []
-    if not 0 < len(layers) <= _MOST_LAYERS or len(layers) != len(ids) or not all(map(_DIGEST.fullmatch, ids)):
+    image = read_config(config_id, said)
+    ids = image.diff_ids if image else ()
+    if not 0 < len(layers) == len(ids):
         raise ValueError(f"the image {config_id} has {len(layers)} layers, and its configuration names {len(ids)}")
     packed = [
         PackedLayer(diff_id, _blob(source, one, LAYER_TYPE), int(one["size"]))
@@ -188,7 +188,7 @@ def _image(source: _Documents, entry: Mapping[str, Any]) -> Stored:
     return Stored(
         id=config_id, engine_ids=tuple(engine_ids), names=tuple(names), config=config, layers=tuple(packed),
         documents=leading(engine_ids, config_id, lambda digest: _document_of(source, digest)),
-        architecture=architecture_of(said.get("architecture")), os=word(said.get("os")),
+        architecture=image.architecture if image else "", os=word(said.get("os")),
         variant=word(said.get("variant")),
     )  # fmt: skip
 

@@ -111,3 +111,16 @@ def test_a_robot_runs_images_of_its_architectures(architecture: str, runs: tuple
 @pytest.mark.parametrize("said", [None, 5, ["arm64"], "arm 64", "\x1b[31m", "x" * 21])
 def test_an_architecture_that_is_none_is_not_known(said: object) -> None:
     assert architecture_of(said) == ""
+
+
+@pytest.mark.parametrize(
+    ("top", "inside"),
+    [({"RootFS": {"diff_ids": [digest("other")]}}, {}), ({"root\u017fs": 1, "rootf\u017f": {}}, {}),
+     ({}, {"Diff_IDs": [digest("other")]}), ({"Architecture": "arm64"}, {})],
+)  # fmt: skip
+def test_a_configuration_that_engines_read_in_another_way_is_none(
+    top: dict[str, object], inside: dict[str, object]
+) -> None:
+    """They take a name in any case: the last one would name other layers than those that are compared."""
+    config = {"rootfs": {"type": "layers", "diff_ids": [digest("a")], **inside}, **top}
+    assert read_config(digest("i"), config) is None
