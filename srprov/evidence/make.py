@@ -217,7 +217,8 @@ class _One(msgspec.Struct, frozen=True):
 
 
 def _words(files: Files) -> Words:
-    words, public = Words(), PublicWords(files)
+    public = PublicWords(files)
+    words = Words(public.stays)
     for home in sessions(files):
         names = ("facts.json", "inputs/inventory.yml", "environment.json", HARDWARE, "inputs.json")
         found = (json_of(files, f"{home}/{name}") for name in names)

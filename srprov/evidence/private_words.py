@@ -34,15 +34,16 @@ _ADDRESS = re.compile(
 
 @dataclass(slots=True)
 class Words:
-    """Words -> what stands for them."""
+    """Words -> what stands for them. One that `stays` is replaced nowhere, whoever says that it is private."""
 
+    stays: Callable[[str], bool] = lambda _word: False
     found: dict[str, str] = field(default_factory=dict)
     kinds: dict[str, int] = field(default_factory=dict)
     """How many words of a kind there are."""
 
     def add(self, kind: str, word: str, instead: str = "") -> None:
         """Take a word, once."""
-        if word and word not in self.found and word != instead:
+        if word and word not in self.found and word != instead and not self.stays(word):
             number = self.kinds[kind] = self.kinds.get(kind, 0) + 1
             self.found[word] = instead or _ADDRESSES[kind](number)
 

@@ -1,0 +1,73 @@
+"""A robot says which addresses and serial number it has: they are private, and change nothing that a bundle says."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from srprov.evidence.make import bundle
+from srprov.evidence.verify import verify
+from tests.trial_folders import EDF, FILES, MACHINE, run_folder, write_experiment
+from tests.unit.evidence.bundles import unpacked
+
+TAG = "0123456789abcdef0123456789abcdef"
+IMAGE = f"srprov/runner:{TAG}"
+
+
+def changed(run: Path, to: Path, **said: object) -> Path:
+    """Return a copy of a run in which r2 says something else of itself."""
+    folder = Path(shutil.copytree(run, to))
+    for home in folder.glob("sessions/*"):
+        facts, hardware = (json.loads((home / name).read_text()) for name in ("facts.json", "hardware.json"))
+        facts["robots"]["r2"] |= said
+        (home / "facts.json").write_text(json.dumps(facts))
+        if word := said.get("machine_id"):
+            hardware["tokens"][word] = "f" * 32
+            (home / "hardware.json").write_text(json.dumps(hardware))
+    return folder
+
+
+def links(*addresses: str) -> list[dict[str, object]]:
+    return [{"name": "lo", "addresses": list(addresses), "mac": "", "mtu": 65536}]
+
+
+def test_no_address_of_a_robot_is_replaced_that_the_experiment_names(tmp_path: Path) -> None:
+    """As the value of a parameter it says what was run; an honest robot may have it as well."""
+    edf = EDF.replace("parameters:\n", "parameters:\n  PEER: {values: [10.9.8.7]}\n")
+    run = run_folder(tmp_path / "run", write_experiment(tmp_path / "experiment", {**FILES, "race.edf": edf}))
+    bundle(changed(run, tmp_path / "lies", links=links("10.9.8.7/32", "10.9.8.70/32")), tmp_path / "b.zip")
+    assert b"10.9.8.7" in unpacked(tmp_path / "b.zip")["trials.csv"]
+    assert b"10.9.8.70" not in unpacked(tmp_path / "b.zip")["sessions/1/facts.json"]
+    assert not [one.id for one in verify(str(tmp_path / "b.zip")).findings if one.result == "fail"]
+
+
+@pytest.mark.parametrize("what", ["image", "token"])
+def test_no_serial_number_of_a_robot_is_what_an_image_or_another_robot_is_called(
+    run: Path, tmp_path: Path, what: str
+) -> None:
+    """The content tag of an image that srprov built, and what stands for another one's serial number in a bundle."""
+    tokens = json.loads((run / "sessions/1/hardware.json").read_text())["tokens"]
+    word = TAG if what == "image" else tokens[MACHINE]
+    folder = changed(run, tmp_path / "lies", machine_id=word)
+    plan = folder / "sessions/1/plan.json"
+    plan.write_text(json.dumps({**json.loads(plan.read_text()), "notes": [IMAGE]}))
+    bundle(folder, tmp_path / "b.zip")
+    found = unpacked(tmp_path / "b.zip")
+    assert IMAGE in json.loads(found["sessions/1/plan.json"])["notes"]
+    after = json.loads(found["sessions/1/facts.json"])["robots"]
+    assert after["r1"]["machine_id"] == tokens[MACHINE]
+    assert after["r2"]["machine_id"] == "f" * 32
+
+
+def test_an_address_is_private_also_where_a_robot_is_called_so(run: Path, tmp_path: Path) -> None:
+    """As with `-i 10.9.8.7,`."""
+    folder = changed(run, tmp_path / "run", links=links("10.9.8.7/32"))
+    for path in folder.glob("sessions/*/facts.json"):
+        facts = json.loads(path.read_text())
+        facts["robots"]["10.9.8.7"] = facts["robots"]["r2"]
+        path.write_text(json.dumps(facts))
+    bundle(folder, tmp_path / "b.zip")
+    assert b"10.9.8.7" not in unpacked(tmp_path / "b.zip")["sessions/1/facts.json"]
