@@ -22,6 +22,8 @@ LIST_LENGTH = 1024
 MAX_JSON_CHARACTERS = 8 * 1024 * 1024
 """Parsing is linear in the text, so that this also limits its time: about 0.2 s."""
 MAX_JSON_DEPTH = 60
+_MOST_LEVELS_OF_ROBOTS = 50
+"""What a robot said is kept below a few levels of srprov's own, in files that are read again."""
 _MOST_CONTAINERS = 400_000
 """Lists and maps in a robot's JSON; an empty one takes two characters, and thirty times that in memory."""
 MAX_JSON_VALUES = 2_000_000
@@ -34,6 +36,8 @@ LARGEST_NUMBER = 2**64
 """No JSON number is larger; counters of kernel and engine have 64 bits."""
 
 _INTEGER = re.compile(r"-?[0-9]{1,18}")
+_LONG_NUMBER = re.compile("(?<![0-9])[0-9]{20}")
+"""Each number that is too large has so many digits; so have some that are none, as in a hash."""
 _DECIMAL = re.compile(r"-?[0-9]{1,18}(\.[0-9]{1,18})?")
 _CONTAINERS: frozenset[type] = frozenset({dict, list})
 _TOO_DEEP = f"it is nested more than {MAX_JSON_DEPTH} levels deep"
@@ -54,12 +58,13 @@ def json_or_none(source: str) -> Any:  # noqa: ANN401 - JSON is any; each caller
     """Return the JSON that a robot sent; None for what is broken, or beyond the limits of `parse_json`.
 
     `ip -j` writes control characters of a link's name or alias as they are: one odd link must not hide all others.
-    Whole numbers may be large: whoever uses one takes it through `integer` or `decimal`.
+    What is kept of it in a file can be read again: no number in it is larger than files may have, and it is less deep.
     """
     if source.count("[") + source.count("{") > _MOST_CONTAINERS:
         return None
+    decoder = _FILE_DECODER if _LONG_NUMBER.search(source) else _ROBOT_DECODER
     try:
-        return _parse(source, _ROBOT_DECODER, MAX_JSON_CHARACTERS)
+        return _parse(source, decoder, MAX_JSON_CHARACTERS, levels=_MOST_LEVELS_OF_ROBOTS)
     except ValueError:
         return None
 
@@ -69,7 +74,10 @@ def is_of_one(source: str) -> bool:
     return len(source) <= MOST_OF_ONE and source.count("[") + source.count("{") <= _MOST_NESTED
 
 
-def _parse(source: str, decoder: json.JSONDecoder, max_characters: int, max_values: int = MAX_JSON_VALUES) -> Any:  # noqa: ANN401 - JSON is any
+def _parse(
+    source: str, decoder: json.JSONDecoder, max_characters: int, max_values: int = MAX_JSON_VALUES,
+    levels: int = MAX_JSON_DEPTH,
+) -> Any:  # fmt: skip  # noqa: ANN401 - JSON is any
     if len(source) > max_characters:
         raise ValueError(f"it is longer than {max_characters} characters")
     if sum(map(source.count, "[{,:")) > max_values:
@@ -78,14 +86,14 @@ def _parse(source: str, decoder: json.JSONDecoder, max_characters: int, max_valu
         value = decoder.decode(source)
     except RecursionError:
         raise ValueError(_TOO_DEEP) from None
-    _check_depth(value)
+    _check_depth(value, levels)
     return value
 
 
-def _check_depth(value: object) -> None:
+def _check_depth(value: object, levels: int) -> None:
     """Refuse (ValueError) what is nested deeper than whoever walks it later can follow."""
     level: list[Any] = [value] if type(value) in _CONTAINERS else []
-    for _ in range(MAX_JSON_DEPTH):
+    for _ in range(levels):
         if not level:
             return
         inside = (outer.values() if isinstance(outer, dict) else outer for outer in level)
@@ -116,7 +124,7 @@ def _refuse(digits: str) -> NoReturn:
 _FILE_DECODER = json.JSONDecoder(strict=False, parse_int=_whole, parse_float=_fraction, parse_constant=_refuse)
 _WIDE_DECODER = json.JSONDecoder(strict=False, parse_int=_whole, parse_float=_finite, parse_constant=_refuse)
 _ROBOT_DECODER = json.JSONDecoder(strict=False, parse_float=_fraction, parse_constant=_refuse)
-"""Leaves whole numbers to Python, which refuses thousands of digits: a check of each takes longer than the rest."""
+"""Leaves whole numbers to Python: a check of each takes longer than the rest. For texts without a long one."""
 
 
 def text(value: object, *, length: int = TEXT_LENGTH) -> str:

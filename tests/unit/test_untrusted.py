@@ -125,6 +125,23 @@ def test_json_of_very_many_lists_is_none() -> None:
     assert json_or_none("[" + "[]," * 1000 + "[]]") == [[]] * 1001
 
 
+@pytest.mark.parametrize(
+    "said", ["[" * 60 + "]" * 60, '{"a": 18446744073709551617}', '{"a": -100000000000000000000}'],
+    ids=("deep", "large", "small"),
+)  # fmt: skip
+def test_what_a_robot_says_is_none_where_no_file_that_keeps_it_could_be_read_again(said: str) -> None:
+    """It is kept below levels of srprov's own; a file holds no number that nothing counts up to."""
+    assert json_or_none(said) is None
+
+
+@given(st.recursive(st.integers() | st.text("0123456789ab", max_size=30), lambda one: st.lists(one) | st.dictionaries(
+    st.text("0123456789", max_size=25), one)))  # fmt: skip
+def test_what_a_robot_says_can_be_kept_and_read_again(said: object) -> None:
+    found = json_or_none(json.dumps(said))
+    if found is not None:
+        assert parse_json(json.dumps({"robot": {"service": found}}, indent=2)) == {"robot": {"service": said}}
+
+
 ODD = ([], {}, [[]], {"a": []}, None, 7, True, -1, 10**40, "x", ["x"], "\ud800")
 
 
@@ -141,6 +158,6 @@ def test_a_record_of_any_shape_ends_nobody_s_verb(odd: object) -> None:
         found = read_placements([line])
         snapshot = Snapshot(facts={}, observed={}, placements=found, records={"r1": found}, unreachable={"away": "x"})
         status_of(snapshot)
-        read_record(found["hello"])
+        read_record(found.get("hello"))  # none is read that has a number beyond those that files have
         list(foreign_uses("other", ("b", "l"), snapshot, None))
         _without_mute(snapshot)

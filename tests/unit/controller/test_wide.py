@@ -28,7 +28,7 @@ GOOD = {
 HOSTILE = {
     "Name": ["x"],
     "RestartCount": "many",
-    "State": {"Status": "running" * 100, "ExitCode": 10**30, "StartedAt": "x\n", "FinishedAt": None},
+    "State": {"Status": "running" * 100, "ExitCode": 2**64, "StartedAt": "x\n", "FinishedAt": None},
     "NetworkSettings": {"Ports": {"80": [{}], "http/tcp": [{}], "1/tcp": [7, {"HostPort": "\u0661"}, {"HostIp": {}}]}},
     "Mounts": {"a": 1},
 }
