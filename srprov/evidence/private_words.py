@@ -78,7 +78,7 @@ class Replacer:
 
     def __init__(self, words: Words) -> None:
         """Take what is replaced."""
-        self._words = words.found
+        self._words, self._stays = words.found, words.stays
         names = sorted(
             (word for word in words.found if not _ADDRESS.fullmatch(word)), key=lambda word: (-len(word), word)
         )
@@ -98,15 +98,23 @@ class Replacer:
         if self._names is not None:
             text = self._names.sub(lambda match: self._counted(self._words[match[0]]), text)
         text = _ADDRESS.sub(self._address, text)
-        return _HOME.sub(lambda _: self._counted("/home/user"), text)
+        return _HOME.sub(self._home, text)
 
     def _counted(self, instead: str) -> str:
         self.count += 1
         return instead
 
+    def _home(self, match: re.Match[str]) -> str:
+        return match[0] if self._stays(match[0]) else self._counted("/home/user")
+
     def _address(self, match: re.Match[str]) -> str:
         word = match[0].lower()
         return self._counted(self._words[word]) if word in self._words else match[0]
+
+
+def replaceable(text: str) -> set[str]:
+    """Return what of a text a `Replacer` may take for an address or a home, without case."""
+    return {one.casefold() for pattern in (_ADDRESS, _HOME) for one in pattern.findall(text)}
 
 
 def collect(

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 
 from srprov import data
 from srprov.evidence.files import MOST_TEXT, Files, content, json_of, sessions
+from srprov.evidence.private_words import replaceable
 from srprov.evidence.redacted import HARDWARE
 from srprov.image_reference import BUILT
 from srprov.untrusted import mapping, string, string_map
@@ -28,6 +29,7 @@ class PublicWords:
         """Take the run's files."""
         own, kinds = list(_texts(files)), data.schema_kinds()
         self._own = "\n".join(own).casefold()
+        self._replaceable = replaceable(self._own)
         self._text = "\n".join([*map(data.schema_text, kinds), *own, *_robots(files)])
 
     def may_hide(self, host: str) -> bool:
@@ -37,9 +39,10 @@ class PublicWords:
     def stays(self, word: str) -> bool:
         """Return whether a word of any kind is one of the run's own.
 
-        A robot may be called by its address, and srprov's documents name some: those are no reason to show one.
+        A robot may be called by its address, and srprov's documents name some: those are no reason to show one. An
+        address is one of the run's own wherever it would be replaced, as in `10.9.8.7-10.9.8.20`.
         """
-        return _stands(word.casefold(), self._own)
+        return word.casefold() in self._replaceable or _stands(word.casefold(), self._own)
 
 
 def _stands(word: str, text: str) -> bool:

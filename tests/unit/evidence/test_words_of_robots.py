@@ -44,6 +44,26 @@ def test_no_address_of_a_robot_is_replaced_that_the_experiment_names(tmp_path: P
     assert not [one.id for one in verify(str(tmp_path / "b.zip")).findings if one.result == "fail"]
 
 
+@pytest.mark.parametrize(
+    ("value", "address"),
+    [
+        ("10.9.8.7-10.9.8.20", "10.9.8.7/32"),
+        ("http://10.9.8.7-a.lab", "10.9.8.7/32"),
+        ("10.9.8.7\u00e9", "10.9.8.7/32"),
+        ("\u00e910.9.8.7", "10.9.8.7/32"),
+        ("fe80::1-x", "fe80::1/64"),
+        ("/home/alice/maps", "10.9.8.7/32"),
+    ],
+)
+def test_what_would_be_replaced_in_a_value_stays(tmp_path: Path, value: str, address: str) -> None:
+    """Whatever stands beside an address; and a home, which is replaced whoever has it."""
+    edf = EDF.replace("parameters:\n", f"parameters:\n  PEER: {{values: ['{value}']}}\n")
+    run = run_folder(tmp_path / "run", write_experiment(tmp_path / "experiment", {**FILES, "race.edf": edf}))
+    bundle(changed(run, tmp_path / "said", links=links(address)), tmp_path / "b.zip")
+    assert value.encode() in unpacked(tmp_path / "b.zip")["trials.csv"]
+    assert not [one.id for one in verify(str(tmp_path / "b.zip")).findings if one.result == "fail"]
+
+
 @pytest.mark.parametrize("what", ["image", "token"])
 def test_no_serial_number_of_a_robot_is_what_an_image_or_another_robot_is_called(
     run: Path, tmp_path: Path, what: str
