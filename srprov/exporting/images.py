@@ -21,6 +21,12 @@ from srprov.images.dockerfile import FieldErrors
 from srprov.images.plan import ContextFile
 from srprov.images.tag import Checkouts, generated, repository_of, tailored
 
+_OF_BUILDERS = frozenset({"dockerfile", "containerfile", "dockerfile.dockerignore", ".containerignore"})
+"""What builders look for at the top of a folder beside `.dockerignore`, some of them first; a disk may take any case.
+
+Source: buildah's DiscoverContainerfile and ContainerIgnoreFile, podman-compose, Docker's `build -f`.
+"""
+
 
 class Built(msgspec.Struct, frozen=True, kw_only=True):
     """One image to be built."""
@@ -83,7 +89,7 @@ def _from_base(
 def _from_folder(cdf: ContainerDefinition, name: str, listing: Listing, read: Read) -> Built:
     """Return the folder of a Dockerfile, in which the text that was looked at is the only one that a builder takes.
 
-    What else is called so there is left out, as in a build context of srprov's: nobody looked at it.
+    What else a builder may take for one is left out, or for what says which files it sends: nobody looked at it.
     """
     errors = FieldErrors(cdf)
     folder = cdf.context or posixpath.dirname(cdf.dockerfile)
@@ -92,7 +98,7 @@ def _from_folder(cdf: ContainerDefinition, name: str, listing: Listing, read: Re
     entries = errors.attempt("dockerfile", lambda: folder_entries(folder, listing, read), none)
     errors.raise_any()
     own = File(path=DOCKERFILE, content=text.encode())
-    others = (entry for entry in entries if entry.path.partition("/")[0] != DOCKERFILE)
+    others = (entry for entry in entries if entry.path.partition("/")[0].casefold() not in _OF_BUILDERS)
     return Built(name=name, files=(own, *map(_file, others)))
 
 

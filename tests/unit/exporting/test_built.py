@@ -44,6 +44,19 @@ def test_a_link_that_is_called_so_is_left_out(tool: str, tmp_path: Path) -> None
     assert (one.link, one.content[:4]) == (None, b"ARG ")
 
 
+@pytest.mark.parametrize("tool", ["compose", "swarm", "kubernetes"])
+@pytest.mark.parametrize("name", ["Containerfile", "containerfile", "dockerfile", "Dockerfile.dockerignore"])
+def test_nothing_is_exported_that_a_builder_takes_before_that(tool: str, name: str, tmp_path: Path) -> None:
+    """podman and podman-compose look for a Containerfile first, and Docker for a file of what it does not send."""
+    edf = experiment(tmp_path, TEXT, **FILES)
+    (tmp_path / "ctx" / name).write_text(FILES["ctx__Dockerfile"])
+    (tmp_path / "ctx" / "below").mkdir()
+    (tmp_path / "ctx" / "below" / name).write_text("x")
+    found = contents(exported(tool, edf))
+    assert f"build/a/{name}" not in found
+    assert found[f"build/a/below/{name}"] == b"x"
+
+
 def test_what_a_build_takes_of_the_environment_is_told(tmp_path: Path) -> None:
     """The EDF's own value for the container hid that the image is built with that of whoever runs Compose."""
     text = "services:\n  a: {cdf: a.cdf, environment: {TOKEN: none}}\n  b: {cdf: a.cdf}\n  c: {cdf: c.cdf}\n"
