@@ -141,14 +141,13 @@ def check_parts(name: str, words: Iterable[str]) -> None:
     """Refuse what would be more than a part of a path, as `UserKnownHostsFile ~/.ssh/known/%r` has it.
 
     Raises:
-        ConnectError: A host or user name has a slash.
+        ConnectError: A host or user name has a slash, or is all that leads to another folder.
     """
     for word in words:
-        if "/" in word:
+        if "/" in word or word in (".", ".."):
+            why = "it has a slash" if "/" in word else "it leads to another folder"
             hint = "ssh_config may put it into the name of a file: correct ansible_host, ansible_user or ssh_config"
-            raise ConnectError(
-                name, f"{word[:80]!r} is no host or user name: it has a slash", hint=hint, code=Code.SSH_CONFIG
-            )
+            raise ConnectError(name, f"{word[:80]!r} is no host or user name: {why}", hint=hint, code=Code.SSH_CONFIG)
 
 
 def words(text: str) -> list[str]:

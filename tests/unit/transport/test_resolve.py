@@ -198,6 +198,11 @@ def test_no_name_leads_to_another_file(tmp_path: Path, given: dict[str, object])
         resolved(tmp_path, f"Host *\n  UserKnownHostsFile {tmp_path}/%k/%r\n", **given)
 
 
+def test_no_user_is_the_folder_above(tmp_path: Path) -> None:
+    with pytest.raises(ConnectError, match="it leads to another folder"):
+        resolved(tmp_path, f"Host *\n  UserKnownHostsFile {tmp_path}/%r/%h\n", user="..")
+
+
 @pytest.mark.parametrize("address", ["10.0.0.1", "2001:db8::1", "fe80::1%eth0", "bot.lan", "b_o-t"])
 def test_a_proxy_command_gets_any_proper_name(tmp_path: Path, address: str) -> None:
     found = resolved(tmp_path, address=address, user="ada.l@site", ssh_options=(("proxycommand", "nc %h %p"),))
