@@ -61,8 +61,9 @@ def cp(
     What is copied into a container is no part of the experiment: it is gone when apply makes the container anew, and
     plan does not show it. Volumes keep it.
 
-    From a container, a link comes as a file of its own. Exits with 0; with 3 when something was left out: links to
-    folders or to what did not come, devices, pipes, sockets, repositories; with 4 when the robot is lost.
+    From a container, a link comes as a file of its own, and one to a folder of the copy not at all. Exits with 0; with
+    3 when something is missing: links to what did not come, devices, pipes, sockets, repositories; with 4 when the
+    robot is lost.
     """
     from srprov.controller.copying import place
 
@@ -191,7 +192,7 @@ def _told(copied: Copied) -> int:
     if copied.more_left_out:
         err(f"left out: {copied.more_left_out} more")
     err(f"{_amount(copied)} copied")
-    return FAILED if copied.left_out else 0
+    return FAILED if copied.lost else 0
 
 
 def _amount(copied: Copied) -> str:

@@ -21,11 +21,14 @@ class Copied:
     left_out: list[str] = field(default_factory=list)
     """What was not, and why: the first ones."""
     more_left_out: int = 0
+    lost: bool = False
+    """Whether something was left out that did not come under another name."""
     _repository: str = ""
     """The last one that was left out."""
 
-    def leave_out(self, path: str, why: str) -> None:
+    def leave_out(self, path: str, why: str, *, lost: bool = True) -> None:
         """Note that something does not come; a container may have any number of such things."""
+        self.lost = self.lost or lost
         if len(self.left_out) < _MOST_TOLD:
             self.left_out.append(f"{visible(path[:_LONGEST])}: {visible(why[:_LONGEST])}")
         else:

@@ -33,8 +33,8 @@ class Links:
                 parts.append(part)
         self._leads[place] = link, "/".join(parts)
 
-    def all(self) -> Iterator[tuple[str, str, str]]:
-        """Yield each link's place, what it says, and the place that it leads to by way of others; or nothing.
+    def all(self) -> Iterator[tuple[str, str, str | None]]:
+        """Yield each link's place, what it says, and the place that it leads to by way of others, or None.
 
         A link has to name that place, or a further link, as it is: behind the name of a link something of the user's
         could lie.
@@ -42,13 +42,13 @@ class Links:
         for place, (link, _) in sorted(self._leads.items()):
             yield place, link, self._end(place)
 
-    def _end(self, place: str) -> str:
-        """Return where a link leads by way of others; nothing where they are too many."""
+    def _end(self, place: str) -> str | None:
+        """Return where a link leads by way of others; None where they are too many."""
         for _ in range(_MOST_LINKS):
             if place not in self._leads:
                 break
             place = self._leads[place][1]
-        return place if place not in self._leads else ""
+        return place if place not in self._leads else None
 
 
 def stays_inside(depth: int, link: str) -> bool:

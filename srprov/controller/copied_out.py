@@ -77,8 +77,8 @@ class _Tree:
         self._top: list[str] | None = None
         """What all names in the tar begin with."""
         self._written: set[str] = set()
-        self._made: set[str] = set()
-        """Folders that were not here."""
+        self._came: set[str] = set()
+        """Folders of the copy."""
         self._folders: dict[tuple[str, ...], _Like] = {}
         """What folders are to be like once nothing more is written there."""
         self._links = Links()
@@ -100,6 +100,7 @@ class _Tree:
             return
         if header.isdir():
             self._enter(parts)
+            self._came.add("/".join(parts))
             if self._preserve:
                 self._folders[tuple(parts)] = header.mode, header.mtime
             return
@@ -121,10 +122,10 @@ class _Tree:
         """Write what links lead to in their places, then give folders their permissions and times."""
         for place, link, end in self._links.all():
             *above, last = place.split("/")
-            if end in self._written:
+            if end is not None and end in self._written:
                 self._again(end.split("/"), self._enter(above), [*above, last])
-            elif end in self._made:
-                self._copied.leave_out(place, f"a link to a folder, {link}; a tar has it, with `-`")
+            elif end in self._came:  # all that it leads to is here under its own name
+                self._copied.leave_out(place, f"a link to a folder, {link}; a tar has it, with `-`", lost=False)
             else:
                 self._copied.leave_out(place, f"a link to what did not come with it, {link}")
         self._leave(1)
@@ -154,7 +155,6 @@ class _Tree:
                 raise TarError(f"{'/'.join(parts)[:80]!r} lies below a link")
             with contextlib.suppress(FileExistsError):
                 os.mkdir(name, 0o700, dir_fd=above)
-                self._made.add("/".join(parts[:at]))
             descriptor = open_folder(name, above, os.path.join(self._target.folder, *parts[:at]))
             self._open.append((name, descriptor, like if at == len(parts) else None))
         return self._open[-1][1]
