@@ -1,8 +1,9 @@
-"""Inventories with which nothing else is read: names with a comma (`-i robot1,robot2,`), and files that say so.
+"""Inventories with which nothing else is read: names with a comma (`-i robot1,robot2,`), files that say so, records.
 
 Who gives names alone has named no file. So none is read for them: neither variables that lie in the folder at hand, nor
 a file that is called so. That folder may be a project of a stranger's, whose variables would run a program here. So it
-is with an inventory that srprov wrote in such a folder: what lies beside it may have come later, as by `git pull`.
+is with an inventory that srprov wrote in such a folder: what lies beside it may have come later, as by `git pull`. And
+so it is with that of a record, beside which lies what the experiment shipped; all of it may be a stranger's folder.
 Looks at the file system.
 """
 
@@ -12,8 +13,12 @@ import os
 from collections.abc import Collection
 
 from srprov.codes import Code
+from srprov.definitions.script import is_program
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.regular_file import WHOLE, variables_beside
+
+_RECORDED = ("inputs", "inventory.yml")
+"""Where a record has what srprov read of the inventory: what the user names then is a name that srprov gave."""
 
 
 def are_names(path: str) -> bool:
@@ -34,21 +39,37 @@ def split(path: str) -> list[str]:
 
 
 def check_nothing_beside(paths: Collection[str], folders: Collection[str]) -> None:
-    """Refuse names where Ansible would read variables for them, from the folder at hand.
+    """Refuse names where Ansible would read variables for them, from the folder at hand; and what no record has.
 
     Args:
         paths: All that stands in an inventory's place.
         folders: Those of which variables are read anyway, since an inventory that lies there was named.
 
     Raises:
-        DefinitionError: There are variables.
+        DefinitionError: There are variables, also beside the inventory of a record; or that is a program.
     """
+    for path in paths:
+        _check_recorded(path)
     here = os.path.realpath(os.curdir)
     given = next(filter(are_names, paths), "")
     if given and here not in map(os.path.realpath, folders) and (beside := variables_beside(os.curdir)):
         message = f"are names alone, for which {os.path.normpath(beside)} is not read: it may be a stranger's"
         hint = "write the names into a file beside it and name that; or work in another folder"
         raise _refused(given, message, hint)
+
+
+def _check_recorded(path: str) -> None:
+    """Refuse the inventory of a record that is to be run, or with which variables would be read."""
+    file = os.path.join(os.path.abspath(path), *_RECORDED[1:] if os.path.isdir(path) else ())
+    if tuple(file.split(os.sep)[-2:]) != _RECORDED or not os.path.lexists(file):
+        return
+    if is_program(file):
+        message = "is the inventory of a record, and a program: srprov writes none, so somebody else did"
+        raise _refused(path, message, "if it is yours, and no record's, give it another name")
+    if beside := variables_beside(os.path.dirname(file)):
+        message = "is the inventory of a record, with which nothing is read,"
+        message = f"{message} and {os.path.relpath(beside)} would be: it may be a stranger's"
+        raise _refused(path, message, "copy it to another folder, and name the copy")
 
 
 def check_whole(path: str, text: str) -> None:

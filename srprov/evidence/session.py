@@ -187,6 +187,7 @@ def _write(files: Files, home: str, folder: str) -> str:
         private.make_folder(place.parent)
         text = content(files, name, _MOST_INPUTS)
         if name == f"{home}/inputs/{_INVENTORY}":  # nobody is reached, and an unnamed inventory may not say how
+            place = Path(folder, home, _INVENTORY)  # nothing is read with it that the experiment ships
             text = in_lines(without_access(json_of(files, name))).encode("utf-8", "surrogateescape")
         else:
             made.update(f"{len(text)} {name.removeprefix(home)}\0".encode())
@@ -232,7 +233,7 @@ def _choice(files: Files, home: str, folder: str, definitions: Definitions) -> C
     """Return what was to be placed, from the facts and the inventory of a session."""
     document = json_of(files, f"{home}/facts.json")
     try:
-        path = os.path.join(folder, home, "inputs", _INVENTORY)
+        path = os.path.join(folder, home, _INVENTORY)
         inventory = load_inventory([path], unnamed=[path])
         found = read_document(document)
         hosts = inventory.hosts

@@ -80,3 +80,40 @@ def test_nothing_is_read_with_an_inventory_that_srprov_wrote(project: Path, plac
         assert "host_vars" in text.splitlines()[problem.location.line - 1], "the line that says so"
     (project / "hosts.yml").write_text("".join(one for one in text.splitlines(True) if "host_vars" not in one))
     assert load_inventory(["hosts.yml"]).hosts["robot1"].ssh_options
+
+
+def _refusal(path: str) -> str:
+    with pytest.raises(DefinitionError) as refused:
+        load_inventory([path])
+    return refused.value.problems[0].message
+
+
+@pytest.mark.parametrize("place", ["group_vars/all.yml", "host_vars/robot1.yml"])
+def test_nothing_is_read_with_the_inventory_of_a_record(
+    project: Path, place: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside it lies what the experiment shipped, whoever wrote that; a folder of a colleague's has all as he likes."""
+    home = project / "results" / "sessions" / "1" / "inputs"
+    (home / place).parent.mkdir(parents=True)
+    (home / "inventory.yml").write_text('{"all": {"hosts": {"robot1": {"ansible_host": "10.0.0.1"}}}}')
+    (home / place).write_text(PROGRAM)
+    (home / "race.edf").write_text("edf: 1\n")
+    named = ["results/sessions/1/inputs/inventory.yml", "results/sessions/1/../1/inputs/inventory.yml"]
+    for path in (*named, str(home / "inventory.yml"), str(home)):
+        assert "is the inventory of a record, with which nothing is read" in _refusal(path)
+    monkeypatch.chdir(home)
+    assert f"and {place.partition('/')[0]} would be" in _refusal("inventory.yml")
+    (home / place).unlink()
+    (home / place).parent.rmdir()
+    assert list(load_inventory(["inventory.yml"]).hosts) == ["robot1"]
+
+
+def test_no_inventory_of_a_record_is_run(project: Path) -> None:
+    """docs/evidence.md names it in a command, and a record may be somebody else's."""
+    home = project / "sessions" / "1" / "inputs"
+    home.mkdir(parents=True)
+    for text in ("#!/bin/sh\ntouch ran; echo '{}'\n", "\x7fELF"):
+        (home / "inventory.yml").write_text(text)
+        (home / "inventory.yml").chmod(0o755)
+        assert "is the inventory of a record, and a program" in _refusal("sessions/1/inputs/inventory.yml")
+    assert not (project / "ran").exists()

@@ -187,3 +187,14 @@ def test_a_file_of_this_machine_that_a_cdf_extends_says_nothing_of_itself(conten
 
 def _said(words: str, path: Path) -> bool:
     return any(words in text for one in verify(str(path)).findings for text in one.details)
+
+
+def test_a_placement_follows_from_no_variables_that_an_experiment_ships(content: Content, tmp_path: Path) -> None:
+    """Ansible would read them with an inventory beside them; the record of one has all that counted then."""
+    text = b"ansible_ssh_extra_args: -o ProxyCommand=id\nsrprov_tags: [odd]\nsrprov_slots: 0\n"
+    about = json.loads(content["sessions/1/inputs.json"])
+    place = "inputs/group_vars/all.yml"
+    about["files"].append({"path": "group_vars/all.yml", "file": place, "sha256": hashlib.sha256(text).hexdigest()})
+    changed = {**content, f"sessions/1/{place}": text, "sessions/1/inputs.json": json.dumps(about).encode()}
+    report = verify(str(packed(with_manifest(changed), tmp_path / "a.zip")))
+    assert {one.id: one.result for one in report.findings if one.id in ("D1", "D4")} == {"D1": "pass", "D4": "pass"}
