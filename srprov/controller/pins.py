@@ -76,7 +76,8 @@ def _pinned_container(one: ContainerDefinition, lock: Lock) -> ContainerDefiniti
         images=tuple(with_digest(name, lock.digests) for name in one.images),
         pins={name: found for name in one.images if (found := with_digest(name, lock.digests)) != name},
         repositories=tuple(
-            replace(each, ref=lock.commits.get((each.url, each.ref), each.ref)) for each in one.repositories
+            replace(each, ref=commit, locked=each.ref) if (commit := lock.commits.get((each.url, each.ref))) else each
+            for each in one.repositories
         ),
     )
 

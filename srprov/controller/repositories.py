@@ -12,7 +12,7 @@ from types import MappingProxyType
 
 from srprov import disk
 from srprov.definitions.containermodel import ContainerDefinition
-from srprov.git import cache
+from srprov.git import branches, cache
 from srprov.git.program import GitError
 from srprov.git.tree import TreeFile
 from srprov.git_address import is_commit, parse_address
@@ -52,6 +52,8 @@ class Repositories:
         moving = (
             "" if is_commit(one.ref) else f"{one.ref or 'the default branch'} of {one.url} is commit {commit[:12]} now"
         )
+        if one.locked is not None:
+            moving = branches.doubt(parse_address(one.url), one.locked, commit)
         return Checkout(commit=commit, files=tuple(map(_in_context, files)), moving=moving)
 
     def _files(self, url: str, commit: str, elsewhere: frozenset[str]) -> tuple[TreeFile, ...]:
@@ -79,6 +81,7 @@ def commit_of(url: str, ref: str) -> str:
     found = _resolved((url, ref))
     if isinstance(found, GitError):
         raise ValueError(f"{url}: {found}")
+    branches.note(parse_address(url), ref, found)  # what is locked here stays so when the branch is another by then
     return found
 
 

@@ -13,8 +13,8 @@ from msgspec.structs import replace
 from srprov import regular_file
 from srprov.codes import Code
 from srprov.definitions import load_experiment
+from srprov.definitions.lockfile import Lock, lock_path
 from srprov.definitions.lockfile import load as load_lock
-from srprov.definitions.lockfile import lock_path
 from srprov.definitions.model import Definitions
 from srprov.definitions.profiles import chosen
 from srprov.errors import UsageError
@@ -100,7 +100,18 @@ def _with_lock(file: str, allowed: Collection[str], environ: Mapping[str, str] |
         )
     more = f", and {len(told) - 1} more" if told[1:] else ""
     notes = [f"{path} is out of date: {one}{more}" for one in told[:1]]
+    notes += _doubts(found, lock)
     return replace(pinned(found, lock), notes=tuple(notes))
+
+
+def _doubts(found: Definitions, lock: Lock) -> list[str]:
+    """Return what is to be said of the commits from which CDFs were read; those of code are told when it is fetched."""
+    named = sorted({(url, ref) for _, url, ref in found.experiment.remote} & lock.commits.keys())
+    if not named:
+        return []
+    from srprov.git.branches import doubt
+
+    return [*filter(None, (doubt(parse_address(one[0]), one[1], lock.commits[one]) for one in named))]
 
 
 def _tree(commits: Mapping[tuple[str, str], str], url: str, ref: str) -> str:

@@ -197,11 +197,11 @@ class Repository(msgspec.Struct, frozen=True, kw_only=True):
     url: str
     """As `git_address` reads it."""
     ref: str
-    """Branch, tag or commit; empty: the default branch."""
+    """Branch, tag or commit; empty: the default branch. Of a commit that a lock has, `locked` is the branch or tag."""
     path: str
-    """Absolute, inside the image."""
+    """Absolute, inside the image; the shell commands of `run` run there."""
     run: tuple[str, ...] = ()
-    """Shell commands that run in `path`."""
+    locked: str | None = None
 
 
 class ContainerDefinition(msgspec.Struct, frozen=True, kw_only=True):

@@ -24,12 +24,17 @@ from srprov.git_address import Address, is_commit
 
 _MOST_NAMES = 1 << 20
 _MOST_LISTED = MOST_FILES * 400
-_ALL = ("+refs/heads/*:refs/srprov/heads/*", "+refs/tags/*:refs/srprov/tags/*")
+ALL = ("+refs/heads/*:refs/srprov/heads/*", "+refs/tags/*:refs/srprov/tags/*")
 
 
 def default_folder() -> Path:
     """Return where repositories are kept: `$XDG_CACHE_HOME/srprov/git`."""
     return private.cache_folder() / "git"
+
+
+def place_of(address: Address, folder: Path | None = None) -> Path:
+    """Return where something of a repository is kept, without a suffix."""
+    return (folder or default_folder()) / hashlib.sha256(address.url.encode()).hexdigest()[:32]
 
 
 def resolve(address: Address, ref: str) -> str:
@@ -76,8 +81,8 @@ def files(
         GitError: It cannot be fetched, or holds what cannot be taken.
         OSError: It cannot be kept.
     """
-    place = (folder or default_folder()) / f"{hashlib.sha256(address.url.encode()).hexdigest()[:32]}.git"
-    with _locked(place):
+    place = place_of(address, folder).with_suffix(".git")
+    with locked(place):
         if not _has(place, commit):
             _fetch(place, address, commit)
     arguments = [f"--git-dir={place}", "ls-tree", "-r", "-z", "-l", "--full-tree", commit]
@@ -128,7 +133,7 @@ def folder(address: Address, commit: str, most: int) -> Path:
 
 
 @contextlib.contextmanager
-def _locked(place: Path) -> Iterator[None]:
+def locked(place: Path) -> Iterator[None]:
     """Let one process at a time fetch into a repository."""
     believed.make_folder(place.parent)
     if os.path.lexists(place):
@@ -159,14 +164,23 @@ def _has(place: Path, commit: str) -> bool:
     return True
 
 
-def _fetch(place: Path, address: Address, commit: str) -> None:
+def make(place: Path, commit: str) -> None:
+    """Make a bare repository for commits of this kind; one that is there stays.
+
+    Raises:
+        GitError: It cannot be made.
+    """
     kind = "sha256" if len(commit) == 64 else "sha1"
     made = ["init", "--quiet", "--bare", "--template=", f"--object-format={kind}", "--", str(place)]
     run(made, most=_MOST_NAMES, seconds=LOOK_S)
+
+
+def _fetch(place: Path, address: Address, commit: str) -> None:
+    make(place, commit)
     fetch = [f"--git-dir={place}", "fetch", "--quiet", "--no-tags", "--no-write-fetch-head"]
     for more in (
         ["--depth=1", "--", address.url, commit],
-        ["--", address.url, *_ALL],
+        ["--", address.url, *ALL],
     ):  # not every server gives a commit by its id
         try:
             run([*fetch, *more], transport=address.scheme, most=_MOST_NAMES, seconds=FETCH_S)
