@@ -9,6 +9,7 @@ from __future__ import annotations
 import datetime as dt
 import hashlib
 import json
+import re
 import threading
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
@@ -49,6 +50,9 @@ from srprov.trials.marks import RERUN, discarded
 
 _FINAL = ("trials: seed", "trials: order", "trials: design", "trials: paired_seeds", "parameters: ")
 """Differences that nobody can accept: a trial's id, seed or place would mean something else."""
+
+_NAME = re.compile(r"[0-9]{8}T[0-9]{6}Z-[A-Za-z0-9._-]{1,100}-[0-9a-f]{8}")
+"""Of a run, as `_folder` makes it."""
 
 
 def chosen(made: Design, only: Collection[str]) -> Design:
@@ -234,4 +238,9 @@ def _resumed(request: TrialsRequest) -> tuple[Path, History]:
     if request.folder is None:
         raise UsageError("--resume goes on with the run in a folder", hint="name it with -o DIR", code=Code.OPTIONS)
     check_own(request.folder)
-    return request.folder, read_history(request.folder)
+    found = read_history(request.folder)
+    if not _NAME.fullmatch(found.name):  # containers are told it, and a colleague may have given the folder
+        raise UsageError(
+            f"{request.folder}: its run has a name that none has", hint="begin a new run", code=Code.RECORD
+        )
+    return request.folder, found

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from srprov.controller.trial_history import read_history
 from srprov.controller.trial_plan import in_words, trial_plan
-from srprov.controller.trial_run import TrialsRequest, chosen, run_trials
+from srprov.controller.trial_run import TrialsRequest, _resumed, chosen, run_trials
 from srprov.controller.trial_sameness import Sameness, as_far_as_known, differences, sameness
 from srprov.controller.trials import TrialRun, Trials
 from srprov.definitions import playbook
@@ -209,3 +209,20 @@ def test_rows_that_are_none_are_refused(tmp_path: Path, row: object) -> None:
         read_history(tmp_path)
     (tmp_path / "journal.jsonl").write_text("".join(lines[:-1]))
     assert (read_history(tmp_path).segment, read_history(tmp_path).same) == (2, {})
+
+
+@pytest.mark.parametrize(
+    "name", ["", "r", "20261130T090000Z-race-0123abcd; id", "20261130T090000Z-a\nb-0123abcd", None]
+)
+def test_a_run_of_a_colleague_s_has_a_name_as_runs_have(tmp_path: Path, name: str | None) -> None:
+    """Each container of the next trials is told it, in a variable."""
+    (tmp_path / "trials").mkdir()
+    tmp_path.chmod(0o700)
+    request = TrialsRequest(folder=tmp_path, resume=True)
+    for given in ("20261130T090000Z-race-0123abcd", name):
+        line = json.dumps({"seq": 1, "event": "run", "run": given, "same": {}})
+        (tmp_path / "journal.jsonl").write_text(f"{line}\n")
+        if given != name:
+            assert _resumed(request)[1].name == given
+    with pytest.raises(UsageError, match="its run has a name that none has"):
+        _resumed(request)
