@@ -2,8 +2,8 @@
 
 Takes the services as they were built; gives groups, or adds to `Findings`. Pure. Each replica of a service has a volume
 of its own, `NAME-1` to `NAME-n`, and each robot of a service with `per_robot` one; neither can be shared with a service
-that runs once, since nobody could say with which of them. Whose data a service shares is the EDF's word: a CDF may be
-a stranger's, and names volumes as it likes.
+that runs once, since nobody could say with which of them. Whose data a service shares, and whether it may write there,
+is the EDF's word: a CDF may be a stranger's, and names volumes as it likes.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 
 from srprov.codes import Code
 from srprov.definitions.model import Service
-from srprov.definitions.values import text
+from srprov.definitions.values import flag, text
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Findings, Map, Seq
 
@@ -43,7 +43,9 @@ def with_shared(groups: Groups, services: Mapping[str, Service]) -> Groups:
 
 
 def check(known: Mapping[str, Map], services: Mapping[str, Service], findings: Findings) -> None:
-    """Add services that share a volume and cannot be on one robot."""
+    """Add services that share a volume and cannot be on one robot, or write to one against the EDF's word."""
+    for one in services.values():
+        _check_writes(one, known, findings)
     for volume, names in users(services).items():
         _check_kinds(volume, [services[name] for name in names], known, findings)
         _check_said(volume, [services[name] for name in names], known, findings)
@@ -74,7 +76,7 @@ def _check_kinds(
 
 def _check_said(volume: str, services: Sequence[Service], known: Mapping[str, Map], findings: Findings) -> None:
     """Check that the EDF gives the volume to each of them; but services of one CDF have one author anyway."""
-    left = [one for one in services if volume not in _of_edf(known[one.name])]
+    left = [one for one in services if volume not in _said(known[one.name])]
     if not left or (len(left) == len(services) and len({one.cdf for one in services}) == 1):
         return
     other = next(one.name for one in services if one is not left[0])
@@ -84,12 +86,29 @@ def _check_said(volume: str, services: Sequence[Service], known: Mapping[str, Ma
     findings.add(place, message, ("services", left[0].name, "volumes"), hint, code=Code.VOLUME)
 
 
-def _of_edf(entry: Map) -> set[str]:
-    """Return the sources of a service's volumes that its own entry names."""
+def _check_writes(one: Service, known: Mapping[str, Map], findings: Findings) -> None:
+    """Check that a service writes to no volume that the EDF has it read alone: its CDF may mount it once more."""
+    said = _said(known[one.name])
+    written = {mount.source for mount in one.runtime.mounts if mount.kind == "volume" and not mount.read_only}
+    for volume in sorted(volume for volume in written if said.get(volume) is False):
+        message = f"the CDF of '{one.name}' may write to the volume '{volume}', which the EDF has it read alone"
+        hint = "take `ro` away in the `volumes` of this service in the EDF, if it shall write there"
+        place = nodes.key_or_value(known[one.name], "volumes")
+        findings.add(place, message, ("services", one.name, "volumes"), hint, code=Code.VOLUME)
+
+
+def _said(entry: Map) -> dict[str, bool]:
+    """Return the sources of a service's volumes that its own entry names, and whether it may write there by that."""
     given = entry.entries.get("volumes")
-    items = given.items if isinstance(given, Seq) else ()
-    sources = (one.entries.get("source") if isinstance(one, Map) else one for one in items)
-    return {text(one).partition(":")[0] for one in sources}
+    found: dict[str, bool] = {}
+    for one in given.items if isinstance(given, Seq) else ():
+        if isinstance(one, Map):
+            source, reads = text(one.entries.get("source")), flag(one.entries.get("read_only"))
+        else:
+            source, *_, modes = [*text(one).split(":"), "", ""][:3]
+            reads = "ro" in modes.split(",")
+        found[source] = found.get(source, False) or not reads
+    return found
 
 
 def _check_replicas(known: Mapping[str, Map], services: Mapping[str, Service], findings: Findings) -> None:

@@ -48,3 +48,26 @@ def test_a_cdf_does_not_choose_whose_volume_it_shares(tmp_path: Path, services: 
 )
 def test_what_the_edf_says_or_one_cdf_is_shared(tmp_path: Path, services: str) -> None:
     load(tmp_path, services)
+
+
+@pytest.mark.parametrize("given", ["'config:/r:ro'", "{type: volume, source: config, target: /r, read_only: true}"])
+@pytest.mark.parametrize("others", [NAV, ""])
+def test_a_cdf_does_not_write_to_what_the_edf_has_it_read_alone(tmp_path: Path, given: str, others: str) -> None:
+    with pytest.raises(DefinitionError) as caught:
+        load(tmp_path, f"  lidar: {{cdf: one.cdf, volumes: [{given}]}}\n{others}")
+    (problem,) = caught.value.problems
+    message = "the CDF of 'lidar' may write to the volume 'config', which the EDF has it read alone"
+    assert (problem.location.line, problem.message) == (4, message)
+
+
+@pytest.mark.parametrize(
+    "volumes",
+    [
+        "'config:/c:ro'",  # at the same place the EDF's counts
+        "'config:/r:ro', 'config:/w'",
+        "'config:/r:rw'",
+        "{type: volume, source: config, target: /r}",
+    ],
+)
+def test_what_the_edf_has_it_write_to_or_lays_over_its_cdf_is_no_mistake(tmp_path: Path, volumes: str) -> None:
+    load(tmp_path, f"  lidar: {{cdf: one.cdf, volumes: [{volumes}]}}\n{NAV}")
