@@ -172,6 +172,8 @@ def _long(kind: str, source: str, mount: Mount) -> dict[str, Any]:
     found: dict[str, Any] = {"type": kind, "source": source, "target": mount.target}
     if mount.read_only:
         found["read_only"] = True
+    if kind == "volume" and mount.read_only:
+        found["volume"] = {"nocopy": True}  # else the image fills an empty one, also where the container cannot write
     if kind == "bind":
         found["bind"] = {"create_host_path": mount.create_host_path}
     return found

@@ -206,7 +206,9 @@ def _shared_memory(run: Runtime) -> list[dict[str, Any]]:
 
 def _long(kind: str, source: str, mount: Mount) -> dict[str, Any]:
     found: dict[str, Any] = {"type": kind, "source": _literal(source), "target": _literal(mount.target)}
-    return {**found, "read_only": True} if mount.read_only else found
+    # without `nocopy` the image fills an empty volume, also where the container cannot write
+    alone = {"read_only": True, **({"volume": {"nocopy": True}} if kind == "volume" else {})}
+    return {**found, **alone} if mount.read_only else found
 
 
 def _secrets(experiment: Experiment, service: Service) -> Iterator[Need]:

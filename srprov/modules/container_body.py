@@ -77,7 +77,7 @@ def parts_of(want: ContainerParams) -> dict[str, Any]:
         "image": body["Image"],
         "command": [body.get("Cmd"), body.get("Entrypoint")],
         "environment": body["Env"],
-        "volumes": host.get("Mounts", []),
+        "volumes": [mount for mount in want.mounts if mount["Type"] != "tmpfs"],
         "network": [_mode(network), network.name, network.ip if network.name else None, network.mac, network.hash],
         "ports": [body.get("ExposedPorts"), host.get("PortBindings")],
         "healthcheck": body.get("Healthcheck"),
@@ -145,7 +145,7 @@ def _host_config(want: ContainerParams) -> dict[str, Any]:
     run = want.run
     host: dict[str, Any] = {"RestartPolicy": _restart(run.restart), "Privileged": run.privileged}
     optional = {
-        "Mounts": [mount for mount in want.mounts if mount["Type"] != "tmpfs"],
+        "Mounts": [_as_made(mount) for mount in want.mounts if mount["Type"] != "tmpfs"],
         "Tmpfs": {mount["Target"]: mount.get("Options", "") for mount in want.mounts if mount["Type"] == "tmpfs"},
         "Devices": [
             {"PathOnHost": path, "PathInContainer": inside, "CgroupPermissions": rights}
@@ -179,6 +179,15 @@ def _host_config(want: ContainerParams) -> dict[str, Any]:
     if run.init is not None:
         host["Init"] = run.init
     return host
+
+
+def _as_made(mount: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a mount as an engine is told it: a volume that is read alone gets no files of the image when it is empty.
+
+    An engine would fill it all the same, and others may run what lies there.
+    """
+    alone = mount["Type"] == "volume" and mount.get("ReadOnly") is True
+    return {**mount, "VolumeOptions": {"NoCopy": True}} if alone else mount
 
 
 def _log_config(want: ContainerParams) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from jsonschema import Draft202012Validator
 from srprov import data
 from srprov.errors import RefusedError, UsageError
 from srprov.exporting.report import report_json
+from tests.unit.exporting.clusters import documents, on_cluster
 from tests.unit.exporting.exports import classes, contents, document, experiment, notes, twin
 
 EVERYTHING = """\
@@ -176,6 +177,15 @@ def test_secrets_are_places_and_never_values(tmp_path: Path, monkeypatch: pytest
     assert given == {("variable", "API_KEY"), ("file", "secrets/cert"), ("file", "secrets/made")}
     assert all(name in contents(made)["README.md"].decode() for _, name in given)
     assert "secrets/cert" not in contents(made)
+
+
+def test_an_image_fills_no_volume_that_its_service_reads_alone(tmp_path: Path) -> None:
+    """An engine fills an empty one from the image, whoever may write there, and another service may run that."""
+    edf = experiment(tmp_path, "services: {a: {image: x, volumes: ['ws:/ws:ro', 'own:/own']}}")
+    (stack,) = documents(on_cluster("swarm", edf), "01-stack.yml")
+    for made in (document(twin(edf)), stack):
+        alone, own = made["services"]["a"]["volumes"]
+        assert (alone["read_only"], alone["volume"], own.get("volume")) == (True, {"nocopy": True}, None)
 
 
 def test_shipped_files_seeds_and_homes(tmp_path: Path) -> None:

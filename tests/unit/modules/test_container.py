@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import pytest
@@ -11,8 +12,10 @@ from msgspec.structs import replace
 
 from srprov.definitions.containermodel import HealthCheck, Logging, Mount, Runtime
 from srprov.modules import MODULES
+from srprov.modules.container_body import parts_of
 from srprov.modules.container_limits import changed_limits
 from srprov.resource import Action, Resource
+from srprov.wire import EngineCall
 from tests.conftest import examples
 from tests.fakes import World
 from tests.worlds import experiment, plan_for, service
@@ -191,3 +194,18 @@ def test_the_plan_says_which_ports_of_the_robot_a_new_container_takes(mode: Any,
     want = replace(WANT.params, run=Runtime(ports=ports), network=replace(WANT.params.network, mode=mode))
     change = MODULES["container"].check(WANT.name, want, None)
     assert change is not None and change.cause == said
+
+
+def test_an_image_fills_no_volume_that_its_container_reads_alone() -> None:
+    """An engine fills an empty one, whoever may write there; which mounts that is makes no container another one."""
+    own_one = Mount(kind="volume", source="own", target="/own")
+    resource = wanted(mounts=(own_one, replace(own_one, source="ws", target="/ws", read_only=True)))
+    change = MODULES["container"].check(resource.name, resource.params, None)
+    assert change is not None
+    bodies = [one.body for one in change.commands if isinstance(one, EngineCall) and one.path == "/containers/create"]
+    made = json.loads(bodies[0] or "")
+    own, alone = (one for one in made["HostConfig"]["Mounts"] if one["Type"] == "volume")
+    assert "VolumeOptions" not in own and alone["VolumeOptions"] == {"NoCopy": True}
+    stated = [dict(one) for one in resource.params.mounts if one["Type"] == "volume"]
+    assert stated == [own, {key: value for key, value in alone.items() if key != "VolumeOptions"}]
+    assert parts_of(resource.params)["volumes"] == list(resource.params.mounts)
