@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from srprov.codes import Code
+from srprov.controller.data import written
 from srprov.controller.data_sets import data_set, used_data
 from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.robot_files import RobotFiles
@@ -85,6 +86,7 @@ def _one(
     facts = inputs.snapshot.facts[host]
     used = {mount.source for service in services for mount in service.runtime.mounts if mount.kind == "tree"}
     volumes = {m.source: m.seed for service in services for m in service.runtime.mounts if m.kind == "volume"}
+    writers = {name: {one.instance_of or one.name for one in services if name in written(one)} for name in volumes}
     return {
         "host": host,
         "folder": f"{STATE_ROOT}/{inputs.instance}",
@@ -102,7 +104,7 @@ def _one(
         ],
         "data": used_data(data, services),
         "volumes": [
-            _volume(inputs, host, volume_name(inputs.instance, name), seed, trees)
+            _volume(inputs, host, volume_name(inputs.instance, name), seed, trees, writers[name])
             for name, seed in sorted(volumes.items(), key=lambda one: one[0])
         ],
         "secrets": _secrets(inputs.instance, services),
@@ -111,14 +113,18 @@ def _one(
 
 
 def _volume(
-    inputs: RenderInputs, host: str, name: str, seed: Seed | None, trees: Mapping[str, Mapping[str, str]]
-) -> dict[str, str]:
+    inputs: RenderInputs, host: str, name: str, seed: Seed | None, trees: Mapping[str, Mapping[str, str]],
+    writers: set[str],
+) -> dict[str, Any]:  # fmt: skip
     owner = inputs.data.owner
     source, label = inputs.data.copies.get((host, name), ("", ""))
-    volume = {"name": name, "owner": owner.label(host, name) if owner else "", "from": source, "proof": label}
+    whose = owner.label(host, name) if owner else ""
+    volume = {"name": name, "owner": whose, "from": source, "proof": label, "services": sorted(writers)}
     if source:  # a copy is what it is a copy of
         there = (one for one in inputs.snapshot.observed.get(source, ()) if (one.module, one.name) == ("volume", name))
-        return {**volume, "seed": next((str(one.state.get("seed", "")) for one in there), ""), "blob": ""}
+        state = next((one.state for one in there), {})
+        made_for = sorted(writers.union(state.get("services", ())))
+        return {**volume, "seed": str(state.get("seed", "")), "blob": "", "services": made_for}
     return {**volume, "blob": trees[seed.path]["blob"] if seed else "", "user": seed.user if seed else ""}
 
 

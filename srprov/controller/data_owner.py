@@ -15,6 +15,8 @@ from srprov.definitions.model import Experiment
 from srprov.errors import RefusedError
 from srprov.facts.model import Snapshot
 from srprov.modules import MODULES
+from srprov.modules.volume import volume_name
+from srprov.names import few
 from srprov.planning.plan import Plan
 from srprov.resource import Observed, Resource
 
@@ -37,6 +39,27 @@ def check_owner(experiment: Experiment, placed: Mapping[str, str], now: DataNow)
             and ((robot, item.name) in wanted or (item.name in names and not now.held.there.get(item.name)))
         ]
     )
+
+
+def check_made_for(experiment: Experiment, now: DataNow) -> None:
+    """Refuse to give data that was made for other services to one whose CDF alone names it.
+
+    A CDF may be a stranger's, and data is kept when its service goes. Who shares it is told at its line; what an older
+    srprov made says of nobody whose it is.
+
+    Raises:
+        RefusedError: Names each service and volume.
+    """
+    wrong = []
+    for name, service in sorted(experiment.services.items()):
+        for volume in sorted(service.by_cdf):
+            for robot, item in sorted(now.held.there.get(volume_name(now.instance, volume), {}).items()):
+                owners = item.state.get("services", ())
+                if owners and (service.instance_of or name) not in owners:
+                    wrong.append(f"the CDF of {name} mounts '{volume}', whose data on {robot} is of {few(owners, 3)}")
+    if wrong:
+        hint = "name it in the `volumes` of this service in the EDF, if it shall have that data; else rename it"
+        raise RefusedError("; ".join(wrong), hint=hint, code=Code.OWNER)
 
 
 def refuse_strange(found: Collection[tuple[str, Observed]], hint: str = _ADOPT) -> None:

@@ -12,13 +12,14 @@ from types import MappingProxyType
 import msgspec
 
 from srprov.codes import Code
-from srprov.controller.data import DataNow, Holdings, newest, roaming, used
-from srprov.controller.data_owner import check_owner
+from srprov.controller.data import DataNow, Holdings, mounted, newest, roaming, used
+from srprov.controller.data_owner import check_made_for, check_owner
 from srprov.controller.owners import Owner
 from srprov.controller.request import PlanRequest
 from srprov.definitions.model import Experiment
 from srprov.errors import RefusedError
 from srprov.facts.model import Snapshot
+from srprov.names import few
 from srprov.planning.plan import DataMove
 
 
@@ -42,6 +43,7 @@ def plan_data(
     """
     if request.owner:
         check_owner(experiment, placed, now)
+        check_made_for(experiment, now)
     moves = tuple(_moves(experiment, placed, now, snapshot, request.data))
     if request.data == "move":
         for one in moves:
@@ -117,9 +119,24 @@ def _kept_notes(
         for robot in sorted(robots):
             if (robot, name) not in wanted:
                 yield f"data volume {name} on {robot} is kept, and no service uses it there"
+    yield from _inherited(experiment, placed, now)
     for (target, name), source in sorted(now.held.copied.items()):
         if how != "move":
             yield f"data volume {name} is still on {source}, and whole on {target}; --data move removes it on {source}"
+
+
+def _inherited(experiment: Experiment, placed: Mapping[str, str], now: DataNow) -> Iterator[str]:
+    """Return a line for each volume with data of services that have it no more: what lies there is theirs."""
+    users: dict[tuple[str, str], set[str]] = {}
+    for name, one in experiment.services.items():
+        for volume in mounted(one, now.instance):
+            users.setdefault((placed.get(name, ""), volume), set()).add(one.instance_of or name)
+    for (robot, volume), some in sorted(users.items()):
+        item = now.held.there.get(volume, {}).get(robot)
+        owners = item.state.get("services", ()) if item else ()
+        if owners and some.isdisjoint(owners):
+            had, has = (few(sorted(names), 3) for names in (owners, some))
+            yield f"data volume {volume} on {robot} has the data of {had}, and {has} has it now"
 
 
 def _with_adopted(request: PlanRequest, held: Holdings) -> Owner | None:

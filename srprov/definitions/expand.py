@@ -121,6 +121,7 @@ def _instances(service: Service, tags: Mapping[str, set[str]], previous: Mapping
             replicas=1,
             instance_of=service.name,
             runtime=_own_volumes(service.runtime, number),
+            by_cdf=frozenset(f"{volume}-{number}" for volume in service.by_cdf),
         )
         for number in range(1, service.replicas + 1)
     ]

@@ -157,6 +157,7 @@ def _services(
             place = checks.service_key(root, name)
             built, variables = service.build(place, entry, containers[name], folder, environ, findings)
             bare += [(name, variable) for variable in variables]
+            built = replace(built, by_cdf=sharing.by_cdf(built, entry))
             services[name] = secrets.with_secrets(built, entry, root, findings)
     return services, tuple(bare)
 

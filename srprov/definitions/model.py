@@ -131,6 +131,8 @@ class Service(msgspec.Struct, frozen=True, kw_only=True):
     instance_of: str = ""
     """The name in the EDF, when this is one of several instances of it."""
     secrets: tuple[SecretUse, ...] = ()
+    by_cdf: frozenset[str] = frozenset()
+    """Volumes that its CDF alone names, not the EDF."""
     data_on: str = ""
     """The robot that has its data, when it stays there for that; empty: it has none, or may leave it."""
     platforms: Mapping[str, tuple[str, ...]] = msgspec.field(default_factory=lambda: MappingProxyType({}))

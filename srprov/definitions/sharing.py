@@ -86,6 +86,11 @@ def _check_said(volume: str, services: Sequence[Service], known: Mapping[str, Ma
     findings.add(place, message, ("services", left[0].name, "volumes"), hint, code=Code.VOLUME)
 
 
+def by_cdf(one: Service, entry: Map) -> frozenset[str]:
+    """Return the volumes of a service that the EDF does not name for it; `entry` is what stands there."""
+    return frozenset(_volumes(one) - _said(entry).keys())
+
+
 def _check_writes(one: Service, known: Mapping[str, Map], findings: Findings) -> None:
     """Check that a service writes to no volume that the EDF has it read alone: its CDF may mount it once more."""
     said = _said(known[one.name])

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 
 import msgspec
 
+from srprov import names
 from srprov.modules.container_form import WORD
 from srprov.modules.module import INSTANCE, LABEL_FILTER, SOURCE, STATE_ROOT, Module, Names, canonical
 from srprov.modules.params import ParameterError
@@ -28,6 +29,7 @@ from srprov.wire import AnyQuery, Command, CopyVolume, EngineCall, EngineQuery, 
 OWNER = "srprov.owner"
 COPY = "srprov.copy"
 SEED = "srprov.seed"
+SERVICES = "srprov.services"
 _HASH = re.compile(r"[0-9a-f]{24}")
 _USER = re.compile(r"([0-9]{1,10}(:[0-9]{1,10})?)?")
 _HALF = "srprov-copy."
@@ -69,6 +71,8 @@ class VolumeParams(msgspec.Struct, frozen=True, kw_only=True):
     """Whose that is: `UID` or `UID:GID`; empty: root's."""
     seed: str = ""
     """What the volume on `from` was made with, for a label."""
+    services: tuple[str, ...] = ()
+    """Whose data it is, for a label: the services that may write there when it is made, by their names in the EDF."""
 
     def __post_init__(self) -> None:
         """Refuse what a plan file could make a shell do, or a label say."""
@@ -76,6 +80,8 @@ class VolumeParams(msgspec.Struct, frozen=True, kw_only=True):
             raise ParameterError("user", "user: a number, or two with a colon")
         if self.seed and not _HASH.fullmatch(self.seed):
             raise ParameterError("seed", "seed: 24 digits of a hash")
+        if not all(names.valid("service", one) for one in self.services):
+            raise ParameterError("services", "services: names of services")
 
     @property
     def made_with(self) -> str:
@@ -98,7 +104,7 @@ class VolumeModule(Module[VolumeParams]):
         """Return names, owners and where they lie."""
         body = replies[0].json() if replies[0].ok else None
         items = mappings(body.get("Volumes") if isinstance(body, dict) else None)
-        names = {string(item.get("Name")) for item in items}
+        every = {string(item.get("Name")) for item in items}
         found = []
         for item in items:
             labels, name = string_map(item.get("Labels")), string(item.get("Name"))
@@ -110,8 +116,10 @@ class VolumeModule(Module[VolumeParams]):
                     "seed": seed if _HASH.fullmatch(seed := labels.get(SEED, "")) else "",
                     "created": string(item.get("CreatedAt")),
                     "place": string(item.get("Mountpoint")),
-                    "half": name.startswith(_HALF) or half_copy(name) in names,
+                    "half": name.startswith(_HALF) or half_copy(name) in every,
                 }
+                if made_for := [one for one in labels.get(SERVICES, "").split(",") if names.valid("service", one)]:
+                    state["services"] = made_for  # of an older srprov's nobody knows
                 found.append(Observed(module="volume", name=name, instance=labels[INSTANCE], state=state))
         return tuple(found)
 
@@ -120,7 +128,8 @@ class VolumeModule(Module[VolumeParams]):
         if found is not None and not found.get("half"):
             return None
         labels = {INSTANCE: want.instance, SOURCE: want.source}
-        labels |= {key: text for key, text in ((OWNER, want.owner), (COPY, want.copy), (SEED, want.made_with)) if text}
+        given = ((OWNER, want.owner), (COPY, want.copy), (SEED, want.made_with), (SERVICES, ",".join(want.services)))
+        labels |= {key: text for key, text in given if text}
         half = half_copy(name)
         cleared = () if found is None else (_remove(name), _remove(half))
         cause = "not there" if found is None else "only half copied"

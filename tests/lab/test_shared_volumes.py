@@ -42,3 +42,34 @@ def test_what_a_service_reads_alone_gets_no_file_of_its_image(lab: Lab, tmp_path
     plan = lab.srprov("plan", *words, env={"LAB_TOKEN": VALUE})
     assert plan.code == 0 and "Nothing to do" in plan.out, plan
     lab.srprov("destroy", str(path), "-i", inventory, "--yes", "--volumes")
+
+
+def test_a_cdf_gets_no_data_of_a_service_that_is_gone(lab: Lab, tmp_path: Path) -> None:
+    """The next version of a stranger's CDF names the volume of a service that the user took out of the EDF."""
+    own = busybox("sh", "-c", "echo users >/data/list; exec sleep 86400", volumes=["users:/data"])
+    path, cdf = tmp_path / "kept.edf", tmp_path / "cam.cdf"
+    inventory = part_of_lab(lab, [ROBOT], tmp_path / "lab.yml")
+    words = ("apply", str(path), "-i", inventory, "--yes", "--settle", "0")
+    more = {"placement": {"slots_per_robot": 2}}
+    begins = "cdf: 1\nimage: busybox\ncommand: sleep 86400\nstop_signal: SIGKILL\n"
+    cdf.write_text(begins, encoding="utf-8")
+    path.write_text(edf("kept", {"db": own, "cam": {"cdf": "cam.cdf"}}, **more), encoding="utf-8")
+    assert lab.srprov(*words).code == 0
+    path.write_text(edf("kept", {"cam": {"cdf": "cam.cdf"}}, **more), encoding="utf-8")
+    assert lab.srprov(*words).code == 0
+
+    cdf.write_text(f"{begins}volumes: ['users:/x']\n", encoding="utf-8")
+    refused = lab.srprov(*words)
+    assert refused.code == 9 and "mounts 'users', whose data on robot1 is of db" in refused.err, refused
+    path.write_text(edf("kept", {"cam": {"cdf": "cam.cdf", "volumes": ["users:/x"]}}, **more), encoding="utf-8")
+    said = lab.srprov(*words)
+    assert said.code == 0 and "has the data of db, and cam has it now" in said.out + said.err, said
+    assert lab.shell(ROBOT, "docker", "exec", "srprov.kept.cam", "cat", "/x/list").out.strip() == "users"
+
+    # its own stays its own, also behind a destroy
+    lab.srprov("destroy", str(path), "-i", inventory, "--yes", "--volumes")
+    path.write_text(edf("kept", {"cam": {"cdf": "cam.cdf"}}, **more), encoding="utf-8")
+    assert lab.srprov(*words).code == 0
+    lab.srprov("destroy", str(path), "-i", inventory, "--yes")
+    assert lab.srprov(*words).code == 0
+    lab.srprov("destroy", str(path), "-i", inventory, "--yes", "--volumes")

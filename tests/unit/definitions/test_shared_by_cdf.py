@@ -7,17 +7,18 @@ from pathlib import Path
 import pytest
 
 from srprov.definitions import load_experiment
+from srprov.definitions.model import Definitions
 from srprov.errors import DefinitionError
 
 CDF = "cdf: 1\nname: {0}\nimage: busybox\nvolumes: ['config:/c']\n"
 NAV = "  nav: {image: busybox, volumes: ['config:/config']}\n"
 
 
-def load(folder: Path, services: str) -> None:
+def load(folder: Path, services: str) -> Definitions:
     for name in ("one", "two"):
         (folder / f"{name}.cdf").write_text(CDF.format(name))
     (folder / "e.edf").write_text(f"edf: 1\nname: demo\nservices:\n{services}")
-    load_experiment(str(folder / "e.edf"))
+    return load_experiment(str(folder / "e.edf"))
 
 
 @pytest.mark.parametrize(
@@ -71,3 +72,10 @@ def test_a_cdf_does_not_write_to_what_the_edf_has_it_read_alone(tmp_path: Path, 
 )
 def test_what_the_edf_has_it_write_to_or_lays_over_its_cdf_is_no_mistake(tmp_path: Path, volumes: str) -> None:
     load(tmp_path, f"  lidar: {{cdf: one.cdf, volumes: [{volumes}]}}\n{NAV}")
+
+
+def test_which_volumes_a_cdf_alone_names_is_known(tmp_path: Path) -> None:
+    services = load(tmp_path, "  a: {cdf: one.cdf, volumes: ['other:/x']}\n").experiment.services
+    assert services["a"].by_cdf == {"config"}
+    services = load(tmp_path, "  a: {cdf: one.cdf, volumes: ['config:/x:rw']}\n").experiment.services
+    assert services["a"].by_cdf == set()

@@ -1,0 +1,67 @@
+"""Whose data a volume holds: that of the services that it was made for, also when they are gone from the EDF."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+
+from srprov.controller.data import data_now
+from srprov.controller.data_plan import plan_data
+from srprov.controller.request import PlanRequest
+from srprov.definitions.containermodel import Mount
+from srprov.definitions.expand import expand
+from srprov.errors import RefusedError
+from srprov.facts.model import HostFacts, Snapshot
+from srprov.resource import Observed
+from tests.fakes import World
+from tests.unit.controller.test_data import MINE
+from tests.worlds import experiment, plan_for, service
+
+
+def planned(made_for: list[str], volume: str = "users", **more: Any) -> tuple[str, ...]:
+    """Return the notes of a plan for `cam`, which mounts `users`; the robot has data of some services by that name."""
+    name = f"srprov.x.{volume}"
+    said = {"services": made_for} if made_for else {}
+    state = {"owner": MINE.label("r1", name), "copy": "", "created": "", "half": False, **said}
+    seen = Snapshot(
+        facts={"r1": HostFacts(name="r1")},
+        observed={"r1": (Observed(module="volume", name=name, instance="x", state=state),)},
+    )
+    cam = replace(service("cam", mounts=(Mount(kind="volume", source="users", target="/u"),)), **more)
+    what = expand(experiment(cam, name="x"), {"r1": ()})
+    request = PlanRequest(owner=MINE)
+    now = data_now(what, seen, "x", {}, request)
+    return plan_data(what, dict.fromkeys(what.services, "r1"), now, seen, request).notes
+
+
+CDF = frozenset({"users"})
+
+
+def test_a_cdf_gets_no_data_of_a_service_that_is_gone() -> None:
+    """A CDF may be a stranger's, and what the EDF named for another service is kept when that one goes."""
+    with pytest.raises(RefusedError, match="the CDF of cam mounts 'users', whose data on r1 is of db") as caught:
+        planned(["db"], by_cdf=CDF)
+    assert "in the EDF" in caught.value.hint
+    with pytest.raises(RefusedError, match="the CDF of cam-2 mounts 'users-2'"):
+        planned(["db"], volume="users-2", by_cdf=CDF, replicas=2)
+
+
+@pytest.mark.parametrize("made_for", [["cam"], ["cam", "db"], []])
+def test_what_was_made_for_a_service_or_by_an_older_srprov_stays_its_own(made_for: list[str]) -> None:
+    assert planned(made_for, by_cdf=CDF) == ()
+    assert planned(made_for) == ()
+
+
+def test_who_only_reads_has_no_claim_to_more_later() -> None:
+    mount = Mount(kind="volume", source="users", target="/u")
+    reader = service("viewer", mounts=(replace(mount, read_only=True),))
+    plan = plan_for(World().add("r1"), experiment(service("db", mounts=(mount,)), reader))
+    (made,) = (step.want.params for step in plan.steps if step.want and step.module == "volume")
+    assert made.services == ("db",)
+
+
+def test_what_the_edf_names_is_had_and_the_plan_says_whose_it_was() -> None:
+    """The other way round: a user's own service may run what a stranger's left there."""
+    assert planned(["db"]) == ("data volume srprov.x.users on r1 has the data of db, and cam has it now",)
