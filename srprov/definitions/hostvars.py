@@ -73,6 +73,15 @@ def host(name: str, variables: Variables, groups: tuple[str, ...], place: Node, 
     )
 
 
+def needs_trust(one: Host) -> bool:
+    """Return whether a host has what only an inventory that the user named may say: it runs, or opens, something.
+
+    A password is told the address that stands beside it, and of two inventories each may say one of these.
+    """
+    passwords = one.password is not None or one.become_password is not None
+    return passwords or bool(one.ssh_options or one.identity_file) or one.connection == "local"
+
+
 def own_files(scopes: Iterable[Variables], hosts: Iterable[Host]) -> tuple[str, ...]:
     """Return the real paths of the files in which passwords of robots stand, and of the keys that open them."""
     passwords = (*_PASSWORD, *_BECOME_PASSWORD)

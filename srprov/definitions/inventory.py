@@ -16,7 +16,7 @@ from srprov.codes import Code
 from srprov.definitions import hostvars, inifile, names_alone, right_kind, script
 from srprov.definitions.groups import Group, HostEntry, HostTree, Variables, variables_of
 from srprov.definitions.model import Inventory
-from srprov.definitions.paths import folder_of, hide_outside, inside, link_out, way_out
+from srprov.definitions.paths import folder_of, hide_outside, lies_open, link_out, way_out
 from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
 from srprov.yamldoc import loader, nodes
 from srprov.yamldoc.allowance import allowance
@@ -81,8 +81,8 @@ def _finish(tree: HostTree, source: str, *, may_run: bool) -> Inventory:
         shown = tuple(sorted(groups - {"all", "ungrouped"}))
         effective = tree.effective(tree.hosts[name], groups, depths, hostvars.READ)
         hosts[name] = one = hostvars.host(name, effective, shown, tree.hosts[name].place, tree.findings)
-        if not may_run and (one.ssh_options or one.identity_file or one.connection == "local"):
-            message = f"'{name}' has ssh options or a key, or is this machine, in an inventory that you did not name"
+        if not may_run and hostvars.needs_trust(one):
+            message = f"'{name}' has a password, a key or ssh options, or is this machine: name this inventory yourself"
             tree.findings.add(tree.hosts[name].place, message, (), _NAME_IT, code=Code.UNNAMED_INVENTORY)
     if tree.findings.problems:
         raise DefinitionError(tree.findings.problems)
@@ -127,8 +127,7 @@ def read_one(path: str, tree: HostTree, *, may_run: bool) -> None:
         return
     text = loader.read_text(path)
     names_alone.check_whole(path, text)
-    significant = (line.strip() for line in text.splitlines())
-    first = next((line for line in significant if line and line[0] not in "#;"), "")
+    first = next((line for line in map(str.strip, text.splitlines()) if line and line[0] not in "#;"), "")
     if path.endswith((".yml", ".yaml", ".json")) or (
         not path.endswith((".ini", ".cfg")) and _LOOKS_LIKE_YAML.match(first)
     ):
@@ -197,10 +196,11 @@ def _read_part(group: str, part: str, node: Node, tree: HostTree, path: nodes.Pa
 
 
 def _check_place(path: str, unnamed: str) -> None:
-    """Raise for a file that an inventory which the user did not name would read elsewhere through a link."""
-    if unnamed and os.path.lexists(path) and not inside(path, _folder(unnamed)):
-        message = f"'{os.path.relpath(path, _folder(unnamed))}' lies elsewhere, and you did not name this inventory"
-        raise DefinitionError([Diagnostic(Location(unnamed), message, hint=_NAME_IT, code=Code.UNNAMED_INVENTORY)])
+    """Raise for a file that an inventory which the user did not name would read elsewhere by a link of any kind."""
+    if unnamed and os.path.lexists(path) and not lies_open(path, folder := _folder(unnamed)):
+        message = f"'{os.path.relpath(path, folder)}' lies elsewhere, or is linked there, and you did not name it"
+        where = Location(folder if path == unnamed else unnamed)  # of the file itself nothing is shown
+        raise DefinitionError([Diagnostic(where, message, hint=_NAME_IT, code=Code.UNNAMED_INVENTORY)])
 
 
 def _read_variables(folder: str, tree: HostTree, unnamed: str) -> None:

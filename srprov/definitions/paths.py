@@ -65,10 +65,10 @@ def link_out(path: str) -> str:
     With a project that was cloned come links of a stranger's: what a user means by a name in it lies there, and not in
     what version control keeps. A path from the root is taken as it is.
     """
-    return next((one for one in regular_file.links_in(path) if not _is_open(one, os.path.dirname(one))), "")
+    return next((one for one in regular_file.links_in(path) if not lies_open(one, os.path.dirname(one))), "")
 
 
-def _is_open(path: str, folder: str) -> bool:
+def lies_open(path: str, folder: str) -> bool:
     """Return whether a path, links followed, lies in a folder, and not in what version control keeps there."""
     return inside(path, folder) and not is_kept(os.path.realpath(path), os.path.realpath(folder))
 
@@ -105,7 +105,7 @@ def hide_outside(problems: Collection[Diagnostic], *folders: str) -> list[Diagno
 
     Of such a file one problem is left, which says nothing but that there is one.
     """
-    is_open = functools.cache(lambda file: any(_is_open(file, folder) for folder in folders))
+    is_open = functools.cache(lambda file: any(lies_open(file, folder) for folder in folders))
     shown = []
     for one in problems:
         file = os.path.abspath(one.location.file)

@@ -10,6 +10,7 @@ import click
 import pytest
 
 from srprov.cli import inputs
+from srprov.cli.main import run
 from srprov.secret import forget
 
 HOSTS = "all: {hosts: {r1: {ansible_user: root}, r2: {ansible_user: pi}, r3: {ansible_become_password: own-word}}}\n"
@@ -37,3 +38,17 @@ def test_where_nobody_needs_one_none_is_asked_for(tmp_path: Path, capsys: pytest
     (tmp_path / "i.yml").write_text("all: {hosts: {r1: {ansible_user: root}}}\n")
     assert inputs.load_inventory((str(tmp_path / "i.yml"),)).hosts["r1"].become_password is None
     assert capsys.readouterr().err == ""
+
+
+def test_robots_of_an_inventory_that_the_user_did_not_name_are_told_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A project calls a stranger's host as a robot of his, and the name is all that is shown."""
+    hosts = "all: {hosts: {r2: {ansible_user: pi, ansible_host: 127.0.0.1, ansible_port: 1}}}\n"
+    (tmp_path / "i.yml").write_text(hosts)
+    (tmp_path / "srprov.toml").write_text("inventory = 'i.yml'\ntimeout = 1\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.setattr(click, "prompt", lambda *_words, **_more: pytest.fail("it was asked for"))
+    assert run(["facts", "-K"]) == 5
+    assert "an inventory that you did not name" in capsys.readouterr().err

@@ -304,6 +304,23 @@ def test_only_an_inventory_that_the_user_named_offers_keys(
     assert "name it yourself: -i FILE" in said and "hunter2" not in said
 
 
+@pytest.mark.parametrize("word", [f"ansible_{one}" for one in ("password", "ssh_pass", "become_password", "sudo_pass")])
+@pytest.mark.parametrize("own", ["r1 {word}=decoy-4711\n", "[all:vars]\n{word}=decoy-4711\n"])
+def test_only_an_inventory_that_the_user_named_has_passwords(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], word: str, own: str
+) -> None:
+    """Another one of the project's would say which address is told it: the user's own file lies in a clone."""
+    write(tmp_path / "mine", own.format(word=word))
+    write(tmp_path / "site", "r1 ansible_host=127.0.0.1 ansible_port=1\n")
+    write(tmp_path / "srprov.toml", "inventory = ['mine', 'site']\ntimeout = 1\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    assert run(["facts"]) == 5
+    said = capsys.readouterr().err
+    assert "'r1' has a password" in said and "name it yourself: -i FILE" in said and "decoy" not in said
+    assert run(["facts", "-i", "mine", "-i", "site"]) == 4, "who names both trusts both"
+
+
 def test_a_program_in_a_folder_is_not_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Nor is one at a relative path of the user's own configuration; one at an absolute path is."""
     write(tmp_path / "lab" / "inv", PROGRAM.replace("touch ran", f"touch {tmp_path}/ran"))

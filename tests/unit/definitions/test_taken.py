@@ -340,11 +340,38 @@ def test_an_inventory_of_a_project_reads_no_variables_elsewhere(here: Path, caps
         place.parent.mkdir(parents=True, exist_ok=True)
         place.symlink_to(here / "victim" / link)
         assert run(["locks"]) == 5, (kind, name)
-        assert "you did not name this inventory" in capsys.readouterr().err
+        assert "or is linked there, and you did not name it" in capsys.readouterr().err
         assert load_inventory(["inv.yml"]).hosts["r1"], "the user's own may"
         place.unlink()
         if kind != ".":
             shutil.rmtree(here / "exp" / kind)
+
+
+@pytest.mark.parametrize("name", ["also.yml", "host_vars/r1.yml", "group_vars/all/x.yml"])
+def test_an_inventory_of_a_project_reads_no_file_by_a_further_name(
+    here: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    """An archive that is unpacked in a home gives any file of the user's a second name (a hard link)."""
+    own = here / "victim" / "own.yml"
+    own.write_text(f"all: {{hosts: {{r1: {{ansible_user: {MARK}}}}}}}\nansible_user: {MARK}\n")
+    (here / "exp" / name).parent.mkdir(parents=True, exist_ok=True)
+    (here / "exp" / name).hardlink_to(own)
+    (here / "exp" / "srprov.toml").write_text("inventory = ['inv.yml', 'also.yml']\n")
+    if name != "also.yml":
+        (here / "exp" / "also.yml").write_text("")
+    assert run(["locks"]) == 5
+    said = capsys.readouterr()
+    assert f"'{name}' lies elsewhere, or is linked there" in said.err and MARK not in said.out + said.err
+    if name != "also.yml":
+        assert load_inventory(["inv.yml"]).hosts["r1"].user == MARK, "the user's own may"
+    kept = here / "exp" / ".git"
+    kept.mkdir()
+    (here / "exp" / name).unlink()
+    own.rename(kept / "own.yml")
+    (here / "exp" / name).symlink_to(kept / "own.yml")
+    assert run(["locks"]) == 5
+    said = capsys.readouterr()
+    assert f"'{name}' lies elsewhere, or is linked there" in said.err and MARK not in said.out + said.err
 
 
 def test_an_inventory_of_the_users_configuration_is_reached_by_no_link_out_of_the_folder(
