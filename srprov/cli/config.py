@@ -6,7 +6,7 @@
     ./pyproject.toml                the project's, in its table [tool.srprov]
 
 A key is an option's long name; a table named like a verb holds for that verb alone. A flag on the command line wins,
-then `SRPROV_<VERB>_<OPTION>` in the environment, then the project, then the user.
+then `SRPROV_<VERB>_<OPTION>` in the environment, then the project, then the user; of an inventory first the user.
 
 A project's file may come from a stranger: it may set PROJECT_KEYS and nothing else. None of them runs or writes
 anything, gives permission, or names an instance. The inventory that it names lies in its folder and runs nothing, see
@@ -56,8 +56,8 @@ PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "
 _LISTS = ("inventory", "allow", "until", "env", "profile", "margin", "with", "map", "set", "env-file", "target")
 _GROUPS = {"export": ("compose", "kubernetes", "swarm"), "import": ("compose", "swarmrob")}
 """Verbs that stand for several: what is set for one holds for those."""
-_MOST = {"workers": os.cpu_count() or 1, "forks": 512}
-"""In a project's file: processes and threads of this machine."""
+_MOST = {"workers": os.cpu_count() or 1, "forks": 512}  # of a project's file: processes and threads of this machine
+OWN_FIRST = ("inventories",)  # here the user's own file is stronger than a project's: robots get his secrets
 _SWITCHES = ("locked",)  # a project's file may ask for it, and not do without what the user's own asks for
 _MOST_BYTES, _MOST_FAULTS, _BEYOND = 1 << 20, 20, 1e15
 _MOST_ENTRIES, _LONGEST = 64, 4096  # of a list, and characters of a text
@@ -79,13 +79,15 @@ def default_map(verbs: Mapping[str, Any], folder: Path, environ: Mapping[str, st
     Raises:
         UsageError: A file that is no TOML, that somebody else could have written, or that sets what it may not.
     """
-    defaults: dict[str, dict[str, Any]] = {verb: {} for verb in verbs}
+    defaults, mine = ({verb: dict[str, Any]() for verb in verbs} for _ in range(2))
     for file in files(folder, environ):
         table, _ = _read(file, verbs)
         everywhere = {key: value for key, value in table.items() if not isinstance(value, dict)}
         for verb, chosen in defaults.items():
             here = {**everywhere, **_of_verb(table, verb)}
             chosen.update({_parameter(key): _value(key, value, file) for key, value in here.items()})
+            mine[verb] = {key: chosen[key] for key in OWN_FIRST if key in chosen} if file.own else mine[verb]
+            chosen.update(mine[verb])
     return {**defaults, **{group: dict.fromkeys(verbs_below, defaults[group]) for group, verbs_below in _GROUPS.items()
                            if group in defaults}}  # fmt: skip
 
@@ -245,6 +247,4 @@ def _plain(value: object, *, text_only: bool) -> bool:
     """Return whether a value is one that an option takes: a text, a finite number, a boolean."""
     if isinstance(value, str):
         return "\0" not in value and len(value) <= _LONGEST
-    if text_only or not isinstance(value, int | float):
-        return False
-    return abs(value) < _BEYOND  # neither infinite nor NaN, nor a whole number that no float can be
+    return not text_only and isinstance(value, int | float) and abs(value) < _BEYOND  # not infinite, NaN or no float

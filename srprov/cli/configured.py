@@ -11,7 +11,7 @@ import click
 from click.core import ParameterSource
 
 from srprov.cli import options
-from srprov.cli.config import ConfigFile, files, places, user_folder
+from srprov.cli.config import OWN_FIRST, ConfigFile, files, places, user_folder
 from srprov.cli.output import out, out_json
 from srprov.cli.status import table
 from srprov.cli.variables import long_name
@@ -43,7 +43,8 @@ def configured(context: click.Context, verb: str | None, changed: bool, as_json:
     """Show every option that can be set, or those of one VERB, with its value and where that comes from.
 
     From weak to strong: srprov's own default, the user's srprov.toml, the project's pyproject.toml and srprov.toml,
-    the environment. An option on the command line wins over all of them.
+    the environment. An option on the command line wins over all of them. Of the inventory, the user's own file wins
+    over a project's.
     """
     root = context.find_root()
     group = root.command
@@ -105,7 +106,8 @@ def _setting(
     if source is ParameterSource.ENVIRONMENT:
         found |= {"source": "environment", "variable": _variable(option, context)}
     elif source is ParameterSource.DEFAULT_MAP:
-        file = next(one for one in reversed(list(lines)) if (verb, option.name) in lines[one])
+        having = [one for one in lines if (verb, option.name) in lines[one]]
+        file = having[0] if option.name in OWN_FIRST and having[0].own else having[-1]
         place = {"file": str(file.path), "line": lines[file][verb, option.name or ""]}
         found |= {"source": "user" if file.own else "project", **place}
     return found

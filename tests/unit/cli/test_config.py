@@ -304,6 +304,23 @@ def test_only_an_inventory_that_the_user_named_offers_keys(
     assert "name it yourself: -i FILE" in said and "hunter2" not in said
 
 
+@pytest.mark.parametrize("project", ["srprov.toml", "pyproject.toml"])
+@pytest.mark.parametrize("place", ["", "[plan]\n"])
+def test_a_project_names_no_other_robots_than_the_user_himself(tmp_path: Path, project: str, place: str) -> None:
+    """They would get the secrets of his own EDF, which lies in a clone, and a plan has their names alone."""
+    mine, environ = tmp_path / ".config" / "srprov" / "srprov.toml", {"HOME": str(tmp_path)}
+    table = "[tool.srprov]\n" if project.startswith("py") else ""
+    below = place.replace("[", "[tool.srprov.") if table else place
+    write(tmp_path / "lab" / project, f"{table}forks = 2\n{below}inventory = 'robots.yml'\n")
+    write(mine, "forks = 1\n")
+    found = default_map(VERBS, tmp_path / "lab", environ)
+    assert found["plan"] == {"forks": 2, "inventories": ["robots.yml"]}, "who says nothing gets the project's"
+    write(mine, f"forks = 1\n{place}inventory = '{tmp_path}/mine.yml'\n")
+    found = default_map(VERBS, tmp_path / "lab", environ)
+    assert found["plan"] == {"forks": 2, "inventories": [f"{tmp_path}/mine.yml"]}
+    assert found["apply"] == ({"forks": 2, "inventories": [f"{tmp_path}/mine.yml"]} if not place else {"forks": 2})
+
+
 @pytest.mark.parametrize("word", [f"ansible_{one}" for one in ("password", "ssh_pass", "become_password", "sudo_pass")])
 @pytest.mark.parametrize("own", ["r1 {word}=decoy-4711\n", "[all:vars]\n{word}=decoy-4711\n"])
 def test_only_an_inventory_that_the_user_named_has_passwords(

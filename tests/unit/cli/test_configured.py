@@ -57,6 +57,12 @@ def test_each_setting_says_where_it_comes_from(
     assert told("plan", "timeout") == (10.0, "default", None, None, None)
     assert told("plan", "runs") == (None, "default", None, None, None)
     assert {verb for verb, _ in settings(capsys, "plan")} == {"plan"}
+    (folder / "srprov.toml").write_text("inventory = 'robots.yml'\n")
+    found = settings(capsys)
+    assert told("apply", "inventory") == (["robots.yml"], "project", str(folder / "srprov.toml"), 1, None)
+    own.write_text("inventory = '/lab/mine.yml'\n")
+    found = settings(capsys)
+    assert told("apply", "inventory") == (["/lab/mine.yml"], "user", str(own), 1, None), "a project's gives way"
 
 
 def test_what_config_says_is_what_the_verb_takes(
