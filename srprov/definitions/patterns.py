@@ -11,6 +11,7 @@ a group by position, `robots[0]` and `robots[1:3]`, `@failed`, or `@FILE`, a fil
 from __future__ import annotations
 
 import fnmatch
+import os
 import re
 from collections.abc import Callable, Collection, Sequence
 from typing import Any
@@ -20,6 +21,7 @@ from srprov.codes import Code
 from srprov.definitions import ranges
 from srprov.definitions.model import Inventory
 from srprov.definitions.paths import refuse_link_out
+from srprov.definitions.version_control import has_further_names
 from srprov.errors import UsageError, did_you_mean
 from srprov.names import few
 
@@ -113,14 +115,19 @@ def _failed(inventory: Inventory, robots: Collection[str]) -> set[str]:
 def _of_file(inventory: Inventory, name: str) -> set[str]:
     """Return the hosts that a file lists, one term per line; empty lines and `#` lines are passed over.
 
-    One that matches nothing is shown, so a project's link to a file of the user's is not followed.
+    One that matches nothing is shown, so a project's link to a file of the user's is not followed, nor a further name.
     """
     refuse_link_out(name, "@", f"'@{name}': ")
     try:
-        lines = [line.strip() for line in regular_file.read_text(name).split("\n")]
-    except OSError as error:
+        content, about = regular_file.read_with_status(name)
+        lines = [line.strip() for line in content.decode().split("\n")]
+    except (OSError, UnicodeDecodeError) as error:
+        why = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         hint = f"'@FILE' is a file with one robot per line; '{FAILED}' are those that failed in the last run"
-        raise UsageError(f"'@{name}': {error.strerror}", hint=hint, code=Code.NO_FILE) from None
+        raise UsageError(f"'@{name}': {why}", hint=hint, code=Code.NO_FILE) from None
+    if has_further_names(about) and not os.path.isabs(name):  # an archive may have given it this one
+        hint = f"if you mean it, name its whole path: @{os.path.abspath(name)}"
+        raise UsageError(f"'@{name}' has another name (a hard link)", hint=hint, code=Code.STRANGE_FILE)
     found: set[str] = set()
     for line in lines:
         if line and line[0] not in "#@":

@@ -144,6 +144,10 @@ def test_no_line_of_a_file_elsewhere_is_shown(tmp_path: Path, monkeypatch: pytes
         with pytest.raises(UsageError, match=r"is a link that leads (out of its folder|into a repository)") as refused:
             select(LAB, term)
         assert "secret" not in str(refused.value) + refused.value.hint
+    Path("hard").hardlink_to(tmp_path / "key")  # as an archive makes one that is unpacked in a home
+    with pytest.raises(UsageError, match="has another name") as refused:
+        select(LAB, "@hard")
+    assert "secret" not in str(refused.value) + refused.value.hint
 
 
 def test_a_regular_expression_in_a_list_takes_little_time(tmp_path: Path) -> None:
