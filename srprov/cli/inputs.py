@@ -18,7 +18,7 @@ from srprov.cli.fork_options import sharing
 from srprov.cli.options import asked_for_become
 from srprov.cli.output import catch_logs, err
 from srprov.cli.output_options import is_quiet, note
-from srprov.cli.standing import leads_anywhere
+from srprov.cli.standing import inventory_set_aside, leads_anywhere
 from srprov.codes import Code
 from srprov.controller.request import PlanRequest
 from srprov.errors import DefinitionError, RefusedError, UsageError, visible
@@ -45,6 +45,8 @@ def load_inventory(paths: tuple[str, ...]) -> Inventory:
 
     _refuse_changed(paths)
     context = click.get_current_context(silent=True)
+    if context and (aside := inventory_set_aside(context)):
+        err(f"note: the inventory is {', '.join(paths)}, of your own configuration; that of {visible(aside)} needs -i")
     inventory = load(list(paths), unnamed=[path for path in paths if leads_anywhere(context, "inventories", path)])
     if not inventory.hosts:
         raise UsageError(f"no robots in {', '.join(paths)}", hint="add hosts to the inventory", code=Code.NO_ROBOT)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 import click
@@ -22,6 +23,20 @@ def leads_anywhere(context: click.Context | None, parameter: str, path: str) -> 
     """Return whether a path is relative, and comes from a configuration or a variable and not from the command line."""
     source = context.get_parameter_source(parameter) if context else None
     return source in (ParameterSource.DEFAULT_MAP, ParameterSource.ENVIRONMENT) and not os.path.isabs(path)
+
+
+def inventory_set_aside(context: click.Context) -> str:
+    """Return where a project's file names an inventory that gives way to the user's own, as `FILE:LINE`, or nothing."""
+    from srprov.cli.config import files, places
+
+    if context.get_parameter_source("inventories") is not ParameterSource.DEFAULT_MAP:
+        return ""
+    root, verb = context.find_root(), context.command_path.split()[1]
+    verbs = dict.fromkeys(root.command.list_commands(root) if isinstance(root.command, click.Group) else (), "")
+    found = [(file, places(verbs, file).get((verb, "inventories"))) for file in files(Path.cwd(), os.environ)]
+    having = [(file, line) for file, line in found if line is not None]
+    aside = [f"{file.path}:{line}" for file, line in having if not file.own]
+    return aside[-1] if aside and having[0][0].own else ""
 
 
 def signers_option(told: str) -> Callable[[_F], _F]:

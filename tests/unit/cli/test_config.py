@@ -321,6 +321,30 @@ def test_a_project_names_no_other_robots_than_the_user_himself(tmp_path: Path, p
     assert found["apply"] == ({"forks": 2, "inventories": [f"{tmp_path}/mine.yml"]} if not place else {"forks": 2})
 
 
+def test_an_inventory_that_is_set_aside_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Who means the project's robots would else have the experiment on his own."""
+    (tmp_path / "lab").mkdir()
+    monkeypatch.chdir(tmp_path / "lab")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.delenv("XDG_CONFIG_HOME", raising=False)
+    write(tmp_path / ".config/srprov/srprov.toml", f"inventory = '{tmp_path}/mine.yml'\n")
+    for place in (tmp_path / "mine.yml", tmp_path / "lab/robots.yml"):
+        write(place, "all: {hosts: {r1: {ansible_host: 127.0.0.1, ansible_port: 1}}}\n")
+    note = f"note: the inventory is {tmp_path}/mine.yml, of your own configuration"
+    for name, given, told in (
+        ("srprov.toml", [], True),
+        ("srprov.toml", ["-i", "robots.yml"], False),
+        ("other.toml", [], False),
+    ):
+        write(tmp_path / "lab" / name, "forks = 2\ninventory = 'robots.yml'\n")
+        run(["facts", *given])
+        said = capsys.readouterr().err
+        assert (note in said and "srprov.toml:2 needs -i" in said) if told else note not in said, said
+        (tmp_path / "lab" / name).unlink()
+
+
 @pytest.mark.parametrize("word", [f"ansible_{one}" for one in ("password", "ssh_pass", "become_password", "sudo_pass")])
 @pytest.mark.parametrize("own", ["r1 {word}=decoy-4711\n", "[all:vars]\n{word}=decoy-4711\n"])
 def test_only_an_inventory_that_the_user_named_has_passwords(
