@@ -17,7 +17,6 @@ import msgspec
 from srprov import regular_file, secret_files
 from srprov.codes import Code
 from srprov.controller.copied import Copied
-from srprov.definitions.model import VERSION_CONTROL_IN_ANY_CASE
 from srprov.definitions.own_lines import is_users_own
 from srprov.definitions.version_control import has_further_names
 from srprov.errors import UsageError
@@ -47,16 +46,13 @@ class _Named:
     def __init__(self, path: str) -> None:
         """Take the path as it was named."""
         link = next(regular_file.links_in(path), "")
-        self._linked, self._path, self.real = bool(link), path, os.path.realpath(path)
+        self._linked, self.real = bool(link), os.path.realpath(path)
         self._root = self.real if not link and os.path.isdir(path) else os.path.realpath(os.path.dirname(link or path))
         self._secrets = functools.cache(secret_files.known)  # for all files below, and only where one is asked for
 
     def means(self, file: str, about: os.stat_result) -> bool:
         """Return whether it means a file, which lies there or below; `about` is the file's."""
         if not self._linked and not has_further_names(about):
-            return True
-        names = [*self._path.split(os.sep), *os.path.relpath(file, self.real).split(os.sep)]
-        if not self._linked and any(one.casefold() in VERSION_CONTROL_IN_ANY_CASE for one in names):
             return True
         return not is_users_own(file, self._root, self._secrets())
 

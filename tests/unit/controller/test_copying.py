@@ -470,8 +470,17 @@ def test_a_second_name_that_an_archive_gave_a_file_of_the_users_own_is_left_out(
     (clone / "more").mkdir()
     os.link(clone.parent / "credentials", clone / "more/e")
     assert [sent(name) for name in ("more/e", "more", "../credentials")] == [([], 1), ([], 1), (["x"], 0)]
-    # a clone of a folder shares files of its `.git` with that
-    assert sent(".git") == (["x/config"], 0)
+    assert sent(".git") == ([], 1)
+
+
+@pytest.mark.parametrize("folder", [".git", ".git/objects/aa", "CVS", "cvs", ".dvc", "sub"])
+def test_no_folder_s_name_makes_a_second_name_the_user_s_word(clone: Path, folder: str) -> None:
+    """A stranger's archive has such folders as it likes; that it is a repository nobody says."""
+    (clone.parent / "credentials").write_text("a key")
+    (clone / "maps" / folder).mkdir(parents=True)
+    (clone / "maps/hall.yaml").write_text("hall")
+    os.link(clone.parent / "credentials", clone / "maps" / folder / "Entries")
+    assert sent("maps") == (["x/hall.yaml"], 1)
 
 
 def test_a_link_that_stays_in_its_folder_is_followed(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
