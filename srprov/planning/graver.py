@@ -35,9 +35,10 @@ _DISK = re.compile(
 )
 _A_DISK = f"a disk: {_AS_ROOT}, if it is the robot's own"
 _KEYS = re.compile(
-    r"/dev/(mem|kmem|port|uinput|uhid|console|tty[0-9]+|ng[0-9].*)\Z|/dev/(vfio|bus)(/|\Z)|/dev/input(\Z|/(event|by-))"
+    r"/dev/(mem|kmem|port|uinput|uhid|hidraw[0-9]+|usbmon[0-9]+|console|tty[0-9]+|ng[0-9].*)\Z"
+    r"|/dev/(vfio|bus)(/|\Z)|/dev/input(\Z|/(event|by-))"
 )
-"""Memory, keys that are typed for whoever is logged in at the robot, cards that write to its memory, and raw USB."""
+"""Memory, keys that are typed at the robot, also as its USB sends them, cards that write to its memory, and raw USB."""
 _BY_NUMBER = re.compile(r"[ab] |c (\*|0*(1|10|21|90)):")
 """Rules for them, which a container can make a device of by itself; 21 and 90 are disks as characters."""
 _PARTS = frozenset({"29", "81", "89", "116", "153", "166", "180", "188", "195", "204", "226"})

@@ -175,7 +175,8 @@ def test_thousands_of_paths_are_compared_in_time() -> None:
 DISKS = (
     *("sda", "sda1", "vdb", "nvme0", "nvme0n1", "nvme0n1p2", "mmcblk0", "mmcblk0p1", "mmcblk0boot0", "dm-0", "sg1"),
     *("mapper/root", "disk/by-id/x", "block/8:0", "./sda", "md127", "md/0", "mtd0", "mtdblock0", "loop0p1"),
-    *("mem", "uinput", "vfio/12", "uhid", "tty1", "console", "ng0n1", "bus/usb/001/002", "input", "input/event3"),
+    *("mem", "uinput", "vfio/12", "uhid", "hidraw0", "usbmon1", "tty1", "console", "ng0n1", "bus/usb/001/002", "input"),
+    "input/event3",
 )
 PARTS_OF_ROBOTS = (
     *("ttyUSB0", "video0", "snd", "dri/renderD128", "input/js0", "i2c-1", "spidev0.0", "gpiochip0", "shared", "media0"),
