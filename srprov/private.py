@@ -109,14 +109,17 @@ def open_output(path: str) -> TextIO:
 def _is_stream(path: str) -> bool:
     """Return whether a path is a pipe or device of the user's, or one of the kernel's links to what a process has open.
 
-    Any other link is replaced as a file is: with a project that was cloned come links of a stranger's.
+    Any other link is replaced as a file is: with a project that was cloned come links of a stranger's. So is a device
+    elsewhere, which root's tar makes of what an archive says: it may be a disk.
     """
     try:
         about = os.lstat(path)
     except FileNotFoundError:
         return False
-    if stat.S_ISLNK(about.st_mode):
-        return f"{os.path.realpath(os.path.dirname(path))}/".startswith(_OF_THE_KERNEL)
+    if any(kind(about.st_mode) for kind in (stat.S_ISLNK, stat.S_ISBLK, stat.S_ISCHR)):
+        of_the_kernel = f"{os.path.realpath(os.path.dirname(path))}/".startswith(_OF_THE_KERNEL)
+        if stat.S_ISLNK(about.st_mode) or not of_the_kernel:
+            return of_the_kernel
     return about.st_uid in (0, os.geteuid()) and not stat.S_ISREG(about.st_mode) and not stat.S_ISDIR(about.st_mode)
 
 

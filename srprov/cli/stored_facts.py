@@ -10,7 +10,6 @@ from msgspec.structs import replace
 
 from srprov import regular_file
 from srprov.codes import Code
-from srprov.definitions.version_control import has_further_names
 from srprov.errors import UsageError
 
 if TYPE_CHECKING:
@@ -44,7 +43,7 @@ def stored_facts(path: Path, inventory: Inventory) -> tuple[Snapshot, object]:
     refuse_link_out(str(path), "--facts ")
     try:
         content, about = regular_file.read_with_status(path)
-        if has_further_names(about) and not path.is_absolute():  # an archive may have given it this one
+        if about.st_nlink > 1 and not path.is_absolute():  # an archive may have given it this one
             hint = f"if you mean it, name its whole path: --facts {path.absolute()}"
             raise UsageError(f"{path} has another name (a hard link)", hint=hint, code=Code.STRANGE_FILE)
         document = parse_json(content.decode())

@@ -99,10 +99,10 @@ def check_own(folder: Path, inside: Sequence[str] = ("trials",)) -> None:
 
 
 def _links(folder: Path) -> Iterator[str]:
-    """Yield in words what is a link below a folder, at any depth.
+    """Yield in words what is a link below a folder, at any depth, or neither a file nor a folder.
 
     What came in part is gone on with, and the journal too: by another name (a hard link), which an archive may have
-    given a file of the user's here, that one would be written to.
+    given a file of the user's here, that one would be written to. So would a disk, whose device root's tar makes.
     """
     left = [os.fspath(folder)]
     while left:
@@ -112,6 +112,8 @@ def _links(folder: Path) -> Iterator[str]:
                     yield f"{one.path} is a link"
                 elif one.is_dir(follow_symlinks=False):
                     left.append(one.path)
+                elif not one.is_file(follow_symlinks=False):
+                    yield f"{one.path} is a device, pipe or socket"
                 elif has_further_names(one.stat(follow_symlinks=False)):
                     yield f"{one.path} has another name (a hard link)"
 

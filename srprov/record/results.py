@@ -5,6 +5,7 @@ Writes plain files and folders of their own, for their owner alone. Nothing is w
 
 from __future__ import annotations
 
+import errno
 import functools
 import hashlib
 import os
@@ -199,12 +200,16 @@ def open_part(path: Path, whole: int = 0) -> tuple[BinaryIO, hashlib._Hash]:
         path: The part.
         whole: Only whole pieces of so many bytes count, as what came last may not have reached the disk; 0: none do.
     """
-    flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | (0 if whole else os.O_TRUNC)
+    flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | (0 if whole else os.O_TRUNC)
     try:
-        stream = os.fdopen(os.open(path, flags, 0o600), "r+b")
+        descriptor = os.open(path, flags, 0o600)
     except FileNotFoundError:
         private.make_folder(path.parent)
-        stream = os.fdopen(os.open(path, flags, 0o600), "r+b")
+        descriptor = os.open(path, flags, 0o600)
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise OSError(errno.EEXIST, "a device, pipe or socket is there", os.fspath(path))
+    stream = os.fdopen(descriptor, "r+b")
     if not whole:
         return stream, hashlib.sha256()
     stream.truncate(os.fstat(stream.fileno()).st_size // whole * whole)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 import subprocess
 import threading
 from collections.abc import Callable
@@ -66,7 +67,7 @@ def a_folder_that_all_can_write_to(tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("there", ["link", "dangling", "hard link", "file of another", "pipe of another"])
+@pytest.mark.parametrize("there", ["link", "dangling", "hard link", "file of another", "pipe of another", "device"])
 def test_what_others_put_there_gets_nothing_and_is_replaced(
     shared: Path, write: Callable[[Path], None], there: str
 ) -> None:
@@ -78,7 +79,9 @@ def test_what_others_put_there_gets_nothing_and_is_replaced(
     elif there == "hard link":
         target.hardlink_to(victim)
     elif os.geteuid():
-        pytest.skip("only root can make files of others")
+        pytest.skip("only root can make devices, and files of others")
+    elif there == "device":  # as root's tar makes one of what a stranger's archive says: a disk
+        os.mknod(target, stat.S_IFCHR | 0o600, os.makedev(1, 3))
     else:
         os.mkfifo(target) if "pipe" in there else target.touch()
         os.chown(target, _THEIRS, _THEIRS)

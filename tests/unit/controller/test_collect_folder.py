@@ -23,6 +23,7 @@ from srprov.controller.trial_folder import alone, check_new, check_own, make_fol
 from srprov.definitions.model import Experiment
 from srprov.errors import RefusedError, UsageError
 from srprov.execution.trial_patience import EquipmentFailed
+from srprov.record.results import open_part
 from tests.fakes import World
 from tests.worlds import apply, experiment, fleet, service
 
@@ -190,6 +191,22 @@ def test_a_folder_with_another_name_of_a_file_in_it_is_not_gone_on_with(tmp_path
     assert refused.value.exit_code == 9
     (folder / place).unlink()
     check_folder(folder, "hello")
+
+
+@pytest.mark.parametrize("place", [".parts/near/small", "journal.jsonl", "trials/a-r002/.parts/small"])
+def test_a_folder_with_a_device_or_pipe_in_it_is_not_gone_on_with(tmp_path: Path, place: str) -> None:
+    """Root's tar makes what an archive says: a disk of this machine, to be written to."""
+    folder = tmp_path / "data"
+    (folder / "trials").mkdir(mode=0o700, parents=True)
+    (folder / "collected.json").write_text('{"instance": "hello"}')
+    (folder / place).parent.mkdir(parents=True, exist_ok=True)
+    os.mkfifo(folder / place)
+    with pytest.raises(RefusedError, match=rf"{place} is a device, pipe or socket, and srprov makes none"):
+        check_own(folder)
+    with pytest.raises(RefusedError, match="is a device"):
+        check_folder(folder, "hello")
+    with pytest.raises(OSError, match="a device, pipe or socket is there"):
+        open_part(folder / place)
 
 
 @pytest.mark.parametrize("used", [False, True])
