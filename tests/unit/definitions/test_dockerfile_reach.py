@@ -26,6 +26,7 @@ FETCHED = [
     "FROM a\nARG WHERE\nADD ${WHERE} /x\n",
     "FROM a\r\nAD\\\r\nD git@lab:x.git /x\r\n",
     "FROM a\nADD me@lab:x.git /x\n",
+    "FROM a\nADD a-@127.0.0.1:x.git /x\n",
     f"FROM a\n# a `\n# b \\\nADD {URL}\n",
     f"FROM a\n# a `\n \t# b \\\nAD\\\n# c \\\n# d `\nD {URL}\n# e `\n",
 ]
