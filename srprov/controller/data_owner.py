@@ -44,8 +44,8 @@ def check_owner(experiment: Experiment, placed: Mapping[str, str], now: DataNow)
 def check_made_for(experiment: Experiment, now: DataNow) -> None:
     """Refuse to give data that was made for other services to one whose CDF alone names it.
 
-    A CDF may be a stranger's, and data is kept when its service goes. Who shares it is told at its line; what an older
-    srprov made says of nobody whose it is.
+    A CDF may be a stranger's, and data is kept when its service goes. Who shares it is told at its line: services of one
+    CDF do. What an older srprov made says of nobody whose it is.
 
     Raises:
         RefusedError: Names each service and volume.
@@ -55,7 +55,7 @@ def check_made_for(experiment: Experiment, now: DataNow) -> None:
         for volume in sorted(service.by_cdf):
             for robot, item in sorted(now.held.there.get(volume_name(now.instance, volume), {}).items()):
                 owners = item.state.get("services", ())
-                if owners and (service.instance_of or name) not in owners:
+                if owners and {service.instance_of or name, *service.same_cdf}.isdisjoint(owners):
                     wrong.append(f"the CDF of {name} mounts '{volume}', whose data on {robot} is of {few(owners, 3)}")
     if wrong:
         hint = "name it in the `volumes` of this service in the EDF, if it shall have that data; else rename it"

@@ -159,7 +159,7 @@ def _services(
             bare += [(name, variable) for variable in variables]
             built = replace(built, by_cdf=sharing.by_cdf(built, entry))
             services[name] = secrets.with_secrets(built, entry, root, findings)
-    return services, tuple(bare)
+    return sharing.with_same_cdf(services), tuple(bare)
 
 
 def _experiment(root: Map, path: str, services: Mapping[str, Service]) -> Experiment:

@@ -133,6 +133,8 @@ class Service(msgspec.Struct, frozen=True, kw_only=True):
     secrets: tuple[SecretUse, ...] = ()
     by_cdf: frozenset[str] = frozenset()
     """Volumes that its CDF alone names, not the EDF."""
+    same_cdf: frozenset[str] = frozenset()
+    """Services of the EDF with its CDF, itself and those of profiles that are not wanted among them: of one author."""
     data_on: str = ""
     """The robot that has its data, when it stays there for that; empty: it has none, or may leave it."""
     platforms: Mapping[str, tuple[str, ...]] = msgspec.field(default_factory=lambda: MappingProxyType({}))

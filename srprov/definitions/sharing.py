@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from msgspec.structs import replace
+
 from srprov.codes import Code
 from srprov.definitions.model import Service
 from srprov.definitions.values import flag, text
@@ -89,6 +91,15 @@ def _check_said(volume: str, services: Sequence[Service], known: Mapping[str, Ma
 def by_cdf(one: Service, entry: Map) -> frozenset[str]:
     """Return the volumes of a service that the EDF does not name for it; `entry` is what stands there."""
     return frozenset(_volumes(one) - _said(entry).keys())
+
+
+def with_same_cdf(services: Mapping[str, Service]) -> dict[str, Service]:
+    """Return services that know which other ones have their CDF."""
+    having: dict[str, set[str]] = {}
+    for name, one in services.items():
+        having.setdefault(one.cdf, set()).add(name)
+    same = {cdf: frozenset(names) for cdf, names in having.items() if cdf}
+    return {name: replace(one, same_cdf=same.get(one.cdf, frozenset())) for name, one in services.items()}
 
 
 def _check_writes(one: Service, known: Mapping[str, Map], findings: Findings) -> None:

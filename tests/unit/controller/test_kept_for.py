@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -10,6 +11,7 @@ from msgspec.structs import replace
 from srprov.controller.data import data_now
 from srprov.controller.data_plan import plan_data
 from srprov.controller.request import PlanRequest
+from srprov.definitions import load_experiment
 from srprov.definitions.containermodel import Mount
 from srprov.definitions.expand import expand
 from srprov.errors import RefusedError
@@ -52,6 +54,20 @@ def test_a_cdf_gets_no_data_of_a_service_that_is_gone() -> None:
 def test_what_was_made_for_a_service_or_by_an_older_srprov_stays_its_own(made_for: list[str]) -> None:
     assert planned(made_for, by_cdf=CDF) == ()
     assert planned(made_for) == ()
+
+
+def test_services_of_one_cdf_have_their_data_in_common(tmp_path: Path) -> None:
+    """One comes to those that are there, or is of another profile: the EDF cannot name the volume for it alone."""
+    (tmp_path / "cam.cdf").write_text("cdf: 1\nimage: busybox\nvolumes: ['users:/u']\n")
+    (tmp_path / "own.cdf").write_text("cdf: 1\nimage: busybox\n")
+    one = "{cdf: cam.cdf, profiles: [%s]}"
+    edf = f"edf: 1\nname: x\nservices:\n  cam: {one % 'real'}\n  sim: {one % 'sim'}\n  db: {{cdf: own.cdf}}\n"
+    (tmp_path / "e.edf").write_text(edf)
+    cam = load_experiment(str(tmp_path / "e.edf"), profiles=["real"]).experiment.services["cam"]
+    given = {"by_cdf": cam.by_cdf, "same_cdf": cam.same_cdf}
+    planned(["sim"], **given)
+    with pytest.raises(RefusedError, match="whose data on r1 is of db"):
+        planned(["db"], **given)
 
 
 def test_who_only_reads_has_no_claim_to_more_later() -> None:
