@@ -86,7 +86,6 @@ def _one(
     facts = inputs.snapshot.facts[host]
     used = {mount.source for service in services for mount in service.runtime.mounts if mount.kind == "tree"}
     volumes = {m.source: m.seed for service in services for m in service.runtime.mounts if m.kind == "volume"}
-    writers = {name: {one.instance_of or one.name for one in services if name in written(one)} for name in volumes}
     return {
         "host": host,
         "folder": f"{STATE_ROOT}/{inputs.instance}",
@@ -104,7 +103,7 @@ def _one(
         ],
         "data": used_data(data, services),
         "volumes": [
-            _volume(inputs, host, volume_name(inputs.instance, name), seed, trees, writers[name])
+            _volume(inputs, host, volume_name(inputs.instance, name), seed, trees, _made_for(name, services))
             for name, seed in sorted(volumes.items(), key=lambda one: one[0])
         ],
         "secrets": _secrets(inputs.instance, services),
@@ -112,19 +111,25 @@ def _one(
     }
 
 
+def _made_for(volume: str, services: Sequence[Service]) -> set[str]:
+    """Return the services that may write to a volume; where none may, as to maps from a seed, those that read it."""
+    having = [one for one in services if any((m.kind, m.source) == ("volume", volume) for m in one.runtime.mounts)]
+    return {one.instance_of or one.name for one in [each for each in having if volume in written(each)] or having}
+
+
 def _volume(
     inputs: RenderInputs, host: str, name: str, seed: Seed | None, trees: Mapping[str, Mapping[str, str]],
-    writers: set[str],
+    made_for: set[str],
 ) -> dict[str, Any]:  # fmt: skip
     owner = inputs.data.owner
     source, label = inputs.data.copies.get((host, name), ("", ""))
     whose = owner.label(host, name) if owner else ""
-    volume = {"name": name, "owner": whose, "from": source, "proof": label, "services": sorted(writers)}
+    volume = {"name": name, "owner": whose, "from": source, "proof": label, "services": sorted(made_for)}
     if source:  # a copy is what it is a copy of
         there = (one for one in inputs.snapshot.observed.get(source, ()) if (one.module, one.name) == ("volume", name))
         state = next((one.state for one in there), {})
-        made_for = sorted(writers.union(state.get("services", ())))
-        return {**volume, "seed": str(state.get("seed", "")), "blob": "", "services": made_for}
+        every = sorted(made_for.union(state.get("services", ())))
+        return {**volume, "seed": str(state.get("seed", "")), "blob": "", "services": every}
     return {**volume, "blob": trees[seed.path]["blob"] if seed else "", "user": seed.user if seed else ""}
 
 

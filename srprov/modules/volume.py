@@ -72,7 +72,7 @@ class VolumeParams(msgspec.Struct, frozen=True, kw_only=True):
     seed: str = ""
     """What the volume on `from` was made with, for a label."""
     services: tuple[str, ...] = ()
-    """Whose data it is, for a label: the services that may write there when it is made, by their names in the EDF."""
+    """Whose data it is, for a label: who may write there when it is made, or else reads it, by the names in the EDF."""
 
     def __post_init__(self) -> None:
         """Refuse what a plan file could make a shell do, or a label say."""

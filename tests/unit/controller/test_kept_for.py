@@ -78,6 +78,15 @@ def test_who_only_reads_has_no_claim_to_more_later() -> None:
     assert made.services == ("db",)
 
 
+def test_what_is_only_read_is_of_those_that_read_it() -> None:
+    """As a map from a seed: without a label the volume would be anybody's, also what is written there later."""
+    mount = Mount(kind="volume", source="maps", target="/m", read_only=True)
+    readers = [service(name, mounts=(mount,)) for name in ("nav", "viewer")]
+    plan = plan_for(World().add("r1"), experiment(*readers))
+    (made,) = (step.want.params for step in plan.steps if step.want and step.module == "volume")
+    assert made.services == ("nav", "viewer")
+
+
 def test_what_the_edf_names_is_had_and_the_plan_says_whose_it_was() -> None:
     """The other way round: a user's own service may run what a stranger's left there."""
     assert planned(["db"]) == ("data volume srprov.x.users on r1 has the data of db, and cam has it now",)
