@@ -44,8 +44,8 @@ def check_owner(experiment: Experiment, placed: Mapping[str, str], now: DataNow)
 def check_made_for(experiment: Experiment, now: DataNow) -> None:
     """Refuse to give data that was made for other services to one whose CDF alone names it.
 
-    A CDF may be a stranger's, and data is kept when its service goes. Who shares it is told at its line: services of one
-    CDF do. What an older srprov made says of nobody whose it is.
+    A CDF may be a stranger's, and data is kept when its service goes. Services of one CDF may have each other's. What
+    an older srprov made says of nobody whose it is.
 
     Raises:
         RefusedError: Names each service and volume.
