@@ -9,6 +9,7 @@ Looks at the file system.
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Collection
 
@@ -46,7 +47,7 @@ def check_nothing_beside(paths: Collection[str], folders: Collection[str]) -> No
         folders: Those of which variables are read anyway, since an inventory that lies there was named.
 
     Raises:
-        DefinitionError: There are variables, also beside the inventory of a record; or that is a program.
+        DefinitionError: There are variables, also beside the inventory of a record; or that is a program, or a folder.
     """
     for path in paths:
         _check_recorded(path)
@@ -60,16 +61,31 @@ def check_nothing_beside(paths: Collection[str], folders: Collection[str]) -> No
 
 def _check_recorded(path: str) -> None:
     """Refuse the inventory of a record that is to be run, or with which variables would be read."""
-    file = os.path.join(os.path.abspath(path), *_RECORDED[1:] if os.path.isdir(path) else ())
-    if tuple(file.split(os.sep)[-2:]) != _RECORDED or not os.path.lexists(file):
+    names = [os.path.normpath(os.path.join(here, path)) for here in _here()]
+    file = next((one for name in names for one in (name, f"{name}/{_RECORDED[1]}") if _is_recorded(one)), "")
+    if not file:
         return
-    if is_program(file):
-        message = "is the inventory of a record, and a program: srprov writes none, so somebody else did"
+    what = "a folder" if os.path.isdir(file) else "a program" if is_program(file) else ""
+    if what:
+        message = f"is the inventory of a record, and {what}: srprov writes none, so somebody else did"
         raise _refused(path, message, "if it is yours, and no record's, give it another name")
     if beside := variables_beside(os.path.dirname(file)):
         message = "is the inventory of a record, with which nothing is read,"
         message = f"{message} and {os.path.relpath(beside)} would be: it may be a stranger's"
         raise _refused(path, message, "copy it to another folder, and name the copy")
+
+
+def _is_recorded(file: str) -> bool:
+    return tuple(file.split(os.sep)[-2:]) == _RECORDED and os.path.lexists(file)
+
+
+def _here() -> list[str]:
+    """Return this folder, also as the shell has it: who went there by a link named that."""
+    here, shell = os.getcwd(), os.environ.get("PWD", "")
+    with contextlib.suppress(OSError, ValueError):
+        if os.path.isabs(shell) and os.path.samefile(shell, here):
+            return [here, shell]
+    return [here]
 
 
 def check_whole(path: str, text: str) -> None:

@@ -117,3 +117,26 @@ def test_no_inventory_of_a_record_is_run(project: Path) -> None:
         (home / "inventory.yml").chmod(0o755)
         assert "is the inventory of a record, and a program" in _refusal("sessions/1/inputs/inventory.yml")
     assert not (project / "ran").exists()
+
+
+def test_no_folder_is_the_inventory_of_a_record(project: Path) -> None:
+    """It would be read with the variables in it, and not with those beside it."""
+    home = project / "sessions" / "1" / "inputs" / "inventory.yml"
+    (home / "group_vars").mkdir(parents=True)
+    (home / "hosts.yml").write_text("all: {hosts: {robot1: }}\n")
+    (home / "group_vars/all.yml").write_text(PROGRAM)
+    for path in ("sessions/1/inputs/inventory.yml", "sessions/1/inputs/inventory.yml/", "sessions/1/inputs"):
+        assert "is the inventory of a record, and a folder" in _refusal(path)
+
+
+def test_a_record_is_known_where_a_link_led_there(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`cd sessions/1/inputs`, which is a link in a stranger's record: the shell has the name, the kernel has not."""
+    (project / "elsewhere" / "group_vars").mkdir(parents=True)
+    (project / "elsewhere/inventory.yml").write_text("all: {hosts: {robot1: }}\n")
+    (project / "elsewhere/group_vars/all.yml").write_text(PROGRAM)
+    (project / "inputs").symlink_to("elsewhere")
+    monkeypatch.chdir(project / "inputs")
+    monkeypatch.setenv("PWD", str(project / "inputs"))
+    assert "is the inventory of a record, with which nothing is read" in _refusal("inventory.yml")
+    monkeypatch.setenv("PWD", str(project))
+    assert load_inventory(["inventory.yml"]).hosts["robot1"].ssh_options, "a name of another folder says nothing"
