@@ -20,6 +20,7 @@ from srprov.definitions import images, paths, schema
 from srprov.definitions.own_lines import hide_own
 from srprov.definitions.values import text, texts
 from srprov.errors import DefinitionError, Diagnostic, Location
+from srprov.git_address import is_commit
 from srprov.yamldoc import loader
 from srprov.yamldoc.nodes import Findings, Map, Node, Seq
 
@@ -115,6 +116,10 @@ def _checked(path: str) -> Map:
             findings.add(sha, "is no sha256 in hex", ("files", name), code=Code.LOCK_FILE)
     for index, one in enumerate([] if findings.problems else _maps(root.entries["images"])):
         images.check(one.entries["name"], findings, ("images", index, "name"))
+    for index, one in enumerate([] if findings.problems else _maps(root.entries["repositories"])):
+        if is_commit(text(ref := one.entries["ref"])):  # else another one would be taken for it
+            message = "is a commit already, which stands for nothing else"
+            findings.add(ref, message, ("repositories", index, "ref"), code=Code.LOCK_FILE)
     if findings.problems:
         raise DefinitionError(findings.problems)
     return root

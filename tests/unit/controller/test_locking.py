@@ -156,6 +156,16 @@ def test_what_is_no_lock_is_refused(here: Path, text: str) -> None:
         read_definitions("e.edf", ())
 
 
+def test_what_an_edf_has_by_its_commit_is_no_lock_s_matter(here: Path) -> None:
+    """Else a stranger's lock has an older state of a repository taken, with what was wrong in it."""
+    commits = {("https://h/x.git", "1" * 40): "2" * 40}
+    (here / "e.lock").write_text(dump(Lock(commits=commits, version="1")))
+    with pytest.raises(DefinitionError) as caught:
+        read_definitions("e.edf", ())
+    (problem,) = caught.value.problems
+    assert problem.message == "is a commit already, which stands for nothing else"
+
+
 def test_a_lock_is_checked_with_its_edf_and_shows_nothing_of_a_file_elsewhere(here: Path) -> None:
     (here.parent / "victim").write_text("secret-of-the-victim\n")
     (here / "e.lock").symlink_to(here.parent / "victim")
