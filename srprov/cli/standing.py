@@ -25,11 +25,15 @@ def leads_anywhere(context: click.Context | None, parameter: str, path: str) -> 
     return source in (ParameterSource.DEFAULT_MAP, ParameterSource.ENVIRONMENT) and not os.path.isabs(path)
 
 
-def inventory_set_aside(context: click.Context) -> str:
-    """Return where a project's file names an inventory that gives way to the user's own, as `FILE:LINE`, or nothing."""
+def inventory_set_aside(context: click.Context, paths: tuple[str, ...]) -> str:
+    """Return where a project's file names an inventory that gives way to the user's own, as `FILE:LINE`, or nothing.
+
+    `paths` are what is read; a verb may read another one than was given to it, such as that of its own lab.
+    """
     from srprov.cli.config import files, places
 
-    if context.get_parameter_source("inventories") is not ParameterSource.DEFAULT_MAP:
+    source = context.get_parameter_source("inventories")
+    if source is not ParameterSource.DEFAULT_MAP or context.params.get("inventories") != paths:
         return ""
     root, verb = context.find_root(), context.command_path.split()[1]
     verbs = dict.fromkeys(root.command.list_commands(root) if isinstance(root.command, click.Group) else (), "")

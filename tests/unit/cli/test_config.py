@@ -8,9 +8,11 @@ from pathlib import Path
 
 import click
 import pytest
+from click.core import ParameterSource
 
 from srprov.cli.config import _GROUPS, OWN_KEYS, PARAMETERS, PROJECT_KEYS, ConfigFile, default_map, places, user_folder
-from srprov.cli.main import _MODULES, _VERBS, run
+from srprov.cli.main import _MODULES, _VERBS, cli, run
+from srprov.cli.standing import inventory_set_aside
 from srprov.errors import UsageError
 from tests.bounded import bounded
 
@@ -343,6 +345,21 @@ def test_an_inventory_that_is_set_aside_is_told(
         said = capsys.readouterr().err
         assert (note in said and "srprov.toml:2 needs -i" in said) if told else note not in said, said
         (tmp_path / "lab" / name).unlink()
+
+
+def test_nothing_is_said_of_an_inventory_that_a_verb_has_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As of the lab of `replay --lab`, which the user's configuration does not name."""
+    write(tmp_path / "conf/srprov/srprov.toml", f"inventory = '{tmp_path}/mine.yml'\n")
+    write(tmp_path / "srprov.toml", "inventory = 'robots.yml'\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "conf"))
+    context = click.Context(click.Command("facts"), info_name="facts", parent=click.Context(cli, info_name="srprov"))
+    context.set_parameter_source("inventories", ParameterSource.DEFAULT_MAP)
+    context.params["inventories"] = own = (f"{tmp_path}/mine.yml",)
+    assert inventory_set_aside(context, own) == f"{tmp_path}/srprov.toml:1"
+    assert inventory_set_aside(context, ("/lab/inventory/lab.yml",)) == ""
 
 
 @pytest.mark.parametrize("word", [f"ansible_{one}" for one in ("password", "ssh_pass", "become_password", "sudo_pass")])
