@@ -55,7 +55,8 @@ def check_made_for(experiment: Experiment, now: DataNow) -> None:
         for volume in sorted(service.by_cdf):
             for robot, item in sorted(now.held.there.get(volume_name(now.instance, volume), {}).items()):
                 owners = item.state.get("services", ())
-                if owners and {service.instance_of or name, *service.same_cdf}.isdisjoint(owners):
+                elsewhere = service.per_robot is not None and robot != service.robot  # each has what is on its robot
+                if not elsewhere and owners and {service.instance_of or name, *service.same_cdf}.isdisjoint(owners):
                     wrong.append(f"the CDF of {name} mounts '{volume}', whose data on {robot} is of {few(owners, 3)}")
     if wrong:
         hint = "name it in the `volumes` of this service in the EDF, if it shall have that data; else rename it"

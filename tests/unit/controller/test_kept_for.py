@@ -22,20 +22,22 @@ from tests.unit.controller.test_data import MINE
 from tests.worlds import experiment, plan_for, service
 
 
-def planned(made_for: list[str], volume: str = "users", **more: Any) -> tuple[str, ...]:
+def planned(
+    made_for: list[str], volume: str = "users", robots: tuple[str, ...] = ("r1",), **more: Any
+) -> tuple[str, ...]:
     """Return the notes of a plan for `cam`, which mounts `users`; the robot has data of some services by that name."""
     name = f"srprov.x.{volume}"
     said = {"services": made_for} if made_for else {}
     state = {"owner": MINE.label("r1", name), "copy": "", "created": "", "half": False, **said}
     seen = Snapshot(
-        facts={"r1": HostFacts(name="r1")},
+        facts={one: HostFacts(name=one) for one in robots},
         observed={"r1": (Observed(module="volume", name=name, instance="x", state=state),)},
     )
     cam = replace(service("cam", mounts=(Mount(kind="volume", source="users", target="/u"),)), **more)
-    what = expand(experiment(cam, name="x"), {"r1": ()})
+    what = expand(experiment(cam, name="x"), dict.fromkeys(robots, ()))
     request = PlanRequest(owner=MINE)
     now = data_now(what, seen, "x", {}, request)
-    return plan_data(what, dict.fromkeys(what.services, "r1"), now, seen, request).notes
+    return plan_data(what, {name: one.robot or "r1" for name, one in what.services.items()}, now, seen, request).notes
 
 
 CDF = frozenset({"users"})
@@ -54,6 +56,16 @@ def test_a_cdf_gets_no_data_of_a_service_that_is_gone() -> None:
 def test_what_was_made_for_a_service_or_by_an_older_srprov_stays_its_own(made_for: list[str]) -> None:
     assert planned(made_for, by_cdf=CDF) == ()
     assert planned(made_for) == ()
+
+
+def test_a_service_of_each_robot_has_the_data_of_its_robot_alone() -> None:
+    """What is kept on another one, to which its instances do not go, is in nobody's way."""
+    planned(["db"], by_cdf=CDF, per_robot=("no-robot-has-it",))
+    with pytest.raises(RefusedError, match="the CDF of cam-r1 mounts 'users', whose data on r1 is of db"):
+        planned(["db"], by_cdf=CDF, per_robot=())
+    with pytest.raises(RefusedError) as caught:
+        planned(["db"], by_cdf=CDF, per_robot=(), robots=("r1", "r2"))
+    assert caught.value.message.count("mounts") == 1
 
 
 def test_services_of_one_cdf_have_their_data_in_common(tmp_path: Path) -> None:
