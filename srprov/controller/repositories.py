@@ -6,12 +6,12 @@ Takes CDFs; gives what `images` puts into a build context. Robots have no part i
 from __future__ import annotations
 
 import posixpath
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from types import MappingProxyType
 
 from srprov import disk
-from srprov.definitions.containermodel import ContainerDefinition
+from srprov.definitions.containermodel import ContainerDefinition, Repository
 from srprov.git import branches, cache
 from srprov.git.program import GitError
 from srprov.git.tree import TreeFile
@@ -25,11 +25,12 @@ _NONE: Mapping[tuple[str, str], str] = MappingProxyType({})
 class Repositories:
     """What was looked up and fetched for one plan."""
 
-    def __init__(self, containers: Iterable[ContainerDefinition]) -> None:
+    def __init__(self, containers: Collection[ContainerDefinition]) -> None:
         """Look up the names in all CDFs, side by side; what fails is told where it is wanted."""
         wanted = {(one.url, one.ref) for cdf in containers for one in cdf.repositories}
         with ThreadPoolExecutor(_AT_ONCE) as pool:
             self._commits = dict(zip(wanted, pool.map(_resolved, wanted), strict=True))
+        self._doubts = doubts(_named(one) for cdf in containers for one in cdf.repositories if one.locked is not None)
         self._read: dict[tuple[str, str, frozenset[str]], tuple[TreeFile, ...]] = {}
 
     def checkout(self, cdf: ContainerDefinition, index: int) -> Checkout:
@@ -49,11 +50,10 @@ class Repositories:
         except GitError as error:
             raise ValueError(f"{one.url}: {error}") from None
         disk.spend(one.url, sum(len(file.content) for file in files), len(files))
-        moving = (
-            "" if is_commit(one.ref) else f"{one.ref or 'the default branch'} of {one.url} is commit {commit[:12]} now"
-        )
+        now = f"{one.ref or 'the default branch'} of {one.url} is commit {commit[:12]} now"
+        moving = "" if is_commit(one.ref) else now
         if one.locked is not None:
-            moving = branches.doubt(parse_address(one.url), one.locked, commit)
+            moving = self._doubts[_named(one)]
         return Checkout(commit=commit, files=tuple(map(_in_context, files)), moving=moving)
 
     def _files(self, url: str, commit: str, elsewhere: frozenset[str]) -> tuple[TreeFile, ...]:
@@ -70,6 +70,25 @@ def _resolved(wanted: tuple[str, str]) -> str | GitError:
         return cache.resolve(parse_address(url), ref)
     except GitError as error:
         return error
+
+
+def doubts(named: Iterable[tuple[str, str, str]]) -> dict[tuple[str, str, str], str]:
+    """Return what is to be said of commits that a lock has: (address, branch or tag, commit) -> words, or nothing.
+
+    Each is asked for once, side by side: where there is no network, that takes its time.
+    """
+    wanted = sorted(set(named))
+    with ThreadPoolExecutor(_AT_ONCE) as pool:
+        return dict(zip(wanted, pool.map(_doubt, wanted), strict=True))
+
+
+def _doubt(named: tuple[str, str, str]) -> str:
+    url, ref, commit = named
+    return branches.doubt(parse_address(url), ref, commit)
+
+
+def _named(one: Repository) -> tuple[str, str, str]:
+    return one.url, one.locked or "", one.ref
 
 
 def commit_of(url: str, ref: str) -> str:

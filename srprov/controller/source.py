@@ -109,9 +109,9 @@ def _doubts(found: Definitions, lock: Lock) -> list[str]:
     named = sorted({(url, ref) for _, url, ref in found.experiment.remote} & lock.commits.keys())
     if not named:
         return []
-    from srprov.git.branches import doubt
+    from srprov.controller.repositories import doubts
 
-    return [*filter(None, (doubt(parse_address(one[0]), one[1], lock.commits[one]) for one in named))]
+    return [*filter(None, doubts((*one, lock.commits[one]) for one in named).values())]
 
 
 def _tree(commits: Mapping[tuple[str, str], str], url: str, ref: str) -> str:

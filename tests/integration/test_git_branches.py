@@ -101,3 +101,22 @@ def test_the_plan_says_so_of_a_stranger_s_lock(server: Server, tmp_path: Path) -
         (cdf,) = (one for one in found.containers.values() if one.repositories)
         moving = Repositories([cdf]).checkout(cdf, 0).moving
         assert (_ELSEWHERE in moving) == bool(told) and bool(moving) == bool(told)
+
+
+def test_where_there_is_no_network_each_commit_is_asked_for_once(
+    server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Many CDFs may have one repository, and to find out that nobody answers takes up to a minute."""
+    commit, url = server.commit(a="1"), server.address.url
+    cache.files(server.address, commit, 100)
+    server.folder.rename(tmp_path / "gone")
+    (tmp_path / "e.edf").write_text("edf: 1\nname: e\nservices: {a: {cdf: a.cdf}, b: {cdf: b.cdf}}\n")
+    for name in "ab":
+        code = f"[{{git: '{url}', ref: main, path: /r}}]"
+        (tmp_path / f"{name}.cdf").write_text(f"cdf: 1\nname: {name}\nbase: busybox\nrepositories: {code}\n")
+    (tmp_path / "e.lock").write_text(dump(Lock(commits={(url, "main"): commit}, version="1")))
+    found, asked = read_definitions(str(tmp_path / "e.edf"), {"git", "outside"}), []
+    monkeypatch.setattr(branches, "resolve", lambda *one: asked.append(one) or cache.resolve(*one))
+    fetched = Repositories(found.containers.values())
+    told = {fetched.checkout(cdf, 0).moving for cdf in found.containers.values()}
+    assert len(asked) == 1 and "cannot be found out" in told.pop() and not told
