@@ -10,7 +10,7 @@ from srprov.errors import Location
 
 _NOWHERE = Location("")
 _GONE_BY = frozenset({
-    "HOME", "PATH", "TMPDIR", "TEMP", "TMP", "USER", "LOGNAME", "LNAME", "USERNAME", "SUDO_UID", "PKEXEC_UID",
+    "HOME", "PATH", "PWD", "TMPDIR", "TEMP", "TMP", "USER", "LOGNAME", "LNAME", "USERNAME", "SUDO_UID", "PKEXEC_UID",
     "SSH_AUTH_SOCK", "DOCKER_HOST", "TERM", "NO_COLOR",
 })  # fmt: skip
 
