@@ -27,6 +27,7 @@ import msgspec
 
 from srprov import regular_file
 from srprov.believed import is_out_of_reach
+from srprov.cli.standing import stand
 from srprov.cli.toml_text import check_parts, line
 from srprov.codes import Code
 from srprov.errors import UsageError, did_you_mean
@@ -40,13 +41,12 @@ OWN_KEYS = PROJECT_KEYS | {
     *("allow", "yes", "adopt", "data", "volumes", "unreachable", "reassign", "ask-become-pass", "limit", "exclude"),
     *("copy", "instance", "runs", "events", "out", "sign", "signers", "svg", "png", "history", "facts", "update"),
     *("quiet", "json", "detailed-exitcode", "exit-code", "pareto", "follow", "stop-timeout", "resume", "only", "show"),
-    *("older-than", "cache", "since", "timestamps", "until", "env", "user", "workdir", "tty"),
-    *("metric", "over", "watch", "no-secret"),
+    *("older-than", "cache", "since", "timestamps", "until", "env", "user", "workdir", "tty", "metric", "over"),
     *("discard", "rerun", "reason", "accept-changes", "rotate-keys", "no-probe", "network", "profile"),
     *("margin", "strict", "with", "map", "twin", "set", "name", "env-file", "robot-map", "home", "lab"),
     *("preserve", "check", "diff", "example", "owner"),
     *("with-images", "no-bundled-images", "editor", "changed", "target", "expect", "extract", "wide", "all-instances"),
-    *("lossy", "connect-rate", "engine", "site", "host", "port"),
+    *("lossy", "connect-rate", "engine", "site", "host", "port", "no-secret", "watch"),
 }
 PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored",
               "profile": "profiles", "margin": "margins", "with": "others", "map": "pairs",
@@ -57,7 +57,7 @@ _LISTS = ("inventory", "allow", "until", "env", "profile", "margin", "with", "ma
 _GROUPS = {"export": ("compose", "kubernetes", "swarm"), "import": ("compose", "swarmrob")}
 """Verbs that stand for several: what is set for one holds for those."""
 _MOST = {"workers": os.cpu_count() or 1, "forks": 512}  # of a project's file: processes and threads of this machine
-OWN_FIRST = ("inventories",)  # here the user's own file is stronger than a project's: robots get his secrets
+OWN_FIRST = ("inventories",)  # here the user's own file is stronger where it has whole paths: robots get his secrets
 _SWITCHES = ("locked",)  # a project's file may ask for it, and not do without what the user's own asks for
 _MOST_BYTES, _MOST_FAULTS, _BEYOND = 1 << 20, 20, 1e15
 _MOST_ENTRIES, _LONGEST = 64, 4096  # of a list, and characters of a text
@@ -86,8 +86,8 @@ def default_map(verbs: Mapping[str, Any], folder: Path, environ: Mapping[str, st
         for verb, chosen in defaults.items():
             here = {**everywhere, **_of_verb(table, verb)}
             chosen.update({_parameter(key): _value(key, value, file) for key, value in here.items()})
-            mine[verb] = {key: chosen[key] for key in OWN_FIRST if key in chosen} if file.own else mine[verb]
             chosen.update(mine[verb])
+            mine[verb] |= {key: chosen[key] for key in OWN_FIRST if file.own and stand(chosen.get(key, ()))}
     return {**defaults, **{group: dict.fromkeys(verbs_below, defaults[group]) for group, verbs_below in _GROUPS.items()
                            if group in defaults}}  # fmt: skip
 

@@ -13,6 +13,7 @@ from click.core import ParameterSource
 from srprov.cli import options
 from srprov.cli.config import OWN_FIRST, ConfigFile, files, places, user_folder
 from srprov.cli.output import out, out_json
+from srprov.cli.standing import stand
 from srprov.cli.status import table
 from srprov.cli.variables import long_name
 from srprov.codes import Code
@@ -107,7 +108,7 @@ def _setting(
         found |= {"source": "environment", "variable": _variable(option, context)}
     elif source is ParameterSource.DEFAULT_MAP:
         having = [one for one in lines if (verb, option.name) in lines[one]]
-        file = having[0] if option.name in OWN_FIRST and having[0].own else having[-1]
+        file = having[0] if option.name in OWN_FIRST and having[0].own and stand(value) else having[-1]
         place = {"file": str(file.path), "line": lines[file][verb, option.name or ""]}
         found |= {"source": "user" if file.own else "project", **place}
     return found

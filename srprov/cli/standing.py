@@ -6,7 +6,7 @@ A relative one may name a file of a project that was cloned, so it says nothing 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -25,6 +25,11 @@ def leads_anywhere(context: click.Context | None, parameter: str, path: str) -> 
     return source in (ParameterSource.DEFAULT_MAP, ParameterSource.ENVIRONMENT) and not os.path.isabs(path)
 
 
+def stand(paths: Collection[str]) -> bool:
+    """Return whether these are whole paths, and not names that mean other files in other folders."""
+    return bool(paths) and all(map(os.path.isabs, paths))
+
+
 def inventory_set_aside(context: click.Context, paths: tuple[str, ...]) -> str:
     """Return where a project's file names an inventory that gives way to the user's own, as `FILE:LINE`, or nothing.
 
@@ -40,7 +45,7 @@ def inventory_set_aside(context: click.Context, paths: tuple[str, ...]) -> str:
     found = [(file, places(verbs, file).get((verb, "inventories"))) for file in files(Path.cwd(), os.environ)]
     having = [(file, line) for file, line in found if line is not None]
     aside = [f"{file.path}:{line}" for file, line in having if not file.own]
-    return aside[-1] if aside and having[0][0].own else ""
+    return aside[-1] if aside and having[0][0].own and stand(paths) else ""
 
 
 def signers_option(told: str) -> Callable[[_F], _F]:

@@ -321,6 +321,9 @@ def test_a_project_names_no_other_robots_than_the_user_himself(tmp_path: Path, p
     found = default_map(VERBS, tmp_path / "lab", environ)
     assert found["plan"] == {"forks": 2, "inventories": [f"{tmp_path}/mine.yml"]}
     assert found["apply"] == ({"forks": 2, "inventories": [f"{tmp_path}/mine.yml"]} if not place else {"forks": 2})
+    write(mine, f"forks = 1\n{place}inventory = 'mine.yml'\n")
+    found = default_map(VERBS, tmp_path / "lab", environ)
+    assert found["plan"]["inventories"] == ["robots.yml"], "of two names for a file in this folder, the project's"
 
 
 def test_an_inventory_that_is_set_aside_is_told(
