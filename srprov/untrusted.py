@@ -36,7 +36,7 @@ LARGEST_NUMBER = 2**64
 """No JSON number is larger; counters of kernel and engine have 64 bits."""
 
 _INTEGER = re.compile(r"-?[0-9]{1,18}")
-_LONG_NUMBER = re.compile("(?<![0-9])[0-9]{20}")
+_LONG_NUMBER = re.compile("[0-9]{20}")
 """Each number that is too large has so many digits; so have some that are none, as in a hash."""
 _DECIMAL = re.compile(r"-?[0-9]{1,18}(\.[0-9]{1,18})?")
 _CONTAINERS: frozenset[type] = frozenset({dict, list})
