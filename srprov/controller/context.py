@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from srprov.codes import Code
-from srprov.controller.data import written
 from srprov.controller.data_sets import data_set, used_data
 from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.robot_files import RobotFiles
@@ -21,6 +20,7 @@ from srprov.controller.robot_images import robot_images
 from srprov.controller.services import service_context, tree_path
 from srprov.definitions.containermodel import Mount, Seed
 from srprov.definitions.model import Service
+from srprov.definitions.sharing import written
 from srprov.errors import UsageError
 from srprov.facts.model import HostFacts
 from srprov.modules.module import STATE_ROOT

@@ -121,11 +121,6 @@ def mounted(service: Service, instance: str) -> list[str]:
     return sorted({volume_name(instance, one.source) for one in service.runtime.mounts if one.kind == "volume"})
 
 
-def written(service: Service) -> set[str]:
-    """Return the volumes that a service may write to, as the EDF names them."""
-    return {one.source for one in service.runtime.mounts if one.kind == "volume" and not one.read_only}
-
-
 def roaming(service: Service, instance: str) -> list[str]:
     """Return the volumes of a service that may be here or there; one with `per_robot` has its data on each robot."""
     return [] if service.per_robot is not None else mounted(service, instance)

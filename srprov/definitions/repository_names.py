@@ -2,6 +2,9 @@
 
 git runs what the settings of a repository name as soon as it is asked for its status, as many prompts of shells do. A
 `.git` is not needed for that: git takes any folder for one that holds what its own folder would.
+
+Here all names are known at once. Where they come one by one, `model.makes_repository` tells it, which takes any file
+`HEAD` for a part of one.
 """
 
 from __future__ import annotations

@@ -102,11 +102,15 @@ def with_same_cdf(services: Mapping[str, Service]) -> dict[str, Service]:
     return {name: replace(one, same_cdf=same.get(one.cdf, frozenset())) for name, one in services.items()}
 
 
+def written(one: Service) -> set[str]:
+    """Return the volumes that a service may write to, as the EDF names them."""
+    return {mount.source for mount in one.runtime.mounts if mount.kind == "volume" and not mount.read_only}
+
+
 def _check_writes(one: Service, known: Mapping[str, Map], findings: Findings) -> None:
     """Check that a service writes to no volume that the EDF has it read alone: its CDF may mount it once more."""
     said = _said(known[one.name])
-    written = {mount.source for mount in one.runtime.mounts if mount.kind == "volume" and not mount.read_only}
-    for volume in sorted(volume for volume in written if said.get(volume) is False):
+    for volume in sorted(volume for volume in written(one) if said.get(volume) is False):
         message = f"the CDF of '{one.name}' may write to the volume '{volume}', which the EDF has it read alone"
         hint = "take `ro` away in the `volumes` of this service in the EDF, if it shall write there"
         place = nodes.key_or_value(known[one.name], "volumes")
