@@ -1,5 +1,6 @@
 """The probes, run by real shells on this machine, against what psutil says of it."""
 
+import ipaddress
 import shutil
 import socket
 import subprocess
@@ -33,9 +34,21 @@ def ask(shell: list[str], query: object, prelude: str = PRELUDE) -> Reply:
     return Reply(status=done.returncode, out=done.stdout, err=done.stderr, ok=done.returncode == 0)
 
 
+def unusable() -> set[str]:
+    """Return the IPv6 addresses that the kernel does not use yet, or no more, of which psutil says nothing."""
+    deprecated, failed, tentative = 0x20, 0x08, 0x40  # linux/if_addr.h
+    lines = Path("/proc/net/if_inet6").read_text().splitlines()
+    entries = [(fields[0], int(fields[4], 16)) for fields in map(str.split, lines)]
+    return {
+        str(ipaddress.ip_address(bytes.fromhex(address)))
+        for address, flags in entries
+        if flags & (deprecated | failed | tentative)
+    }
+
+
 def all_links() -> dict[str, tuple[int, set[str]]]:
-    """Return each interface's MTU and IP addresses, by its name, as psutil has them at this moment."""
-    addresses = psutil.net_if_addrs()
+    """Return each interface's MTU and the IP addresses in use, by its name, at this moment, as psutil has them."""
+    addresses, omitted = psutil.net_if_addrs(), unusable()
     return {
         name: (
             stats.mtu,
@@ -43,7 +56,8 @@ def all_links() -> dict[str, tuple[int, set[str]]]:
                 entry.address.split("%")[0]
                 for entry in addresses.get(name, ())
                 if entry.family in (socket.AF_INET, socket.AF_INET6)
-            },
+            }
+            - omitted,
         )
         for name, stats in psutil.net_if_stats().items()
     }
