@@ -6,6 +6,7 @@ its mounts are read back from the engine's form; whether they are such as srprov
 
 from __future__ import annotations
 
+import json
 import posixpath
 import re
 from collections.abc import Iterator, Mapping
@@ -25,6 +26,8 @@ WORD = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 _SECRET = re.compile(rf"({WORD.pattern})(?:@([0-7]{{4}}))?")
 _DATA = re.compile(rf"{re.escape(DATA_STORE)}/([0-9a-f]{{64}})/data")
 _HOSTS = re.compile(rf"hosts(-{WORD.pattern})?|{DISCOVERY_FILE}")
+_OWN_FILE = re.compile(rf"^{re.escape(STATE_ROOT)}/[^/]+/(?:{_HOSTS.pattern})\Z")
+_PLAIN = re.compile(r"[^\s,;\"]+")
 _TREE = re.compile(r"trees/[0-9a-f]{24}/(?!\.{1,2}\Z)[^/\0]+", re.DOTALL)
 
 
@@ -47,6 +50,17 @@ def is_own(want: ContainerParams, names: Names) -> bool:
     )
 
 
+def shown_mounts(want: ContainerParams) -> str:
+    """Return what it mounts of volumes, files and secrets, such as `; mounts volume log at /log`, or nothing.
+
+    What srprov itself puts into every container is left out, and memory, which holds nothing of anybody.
+    """
+    service = service_of(want)
+    shown = [_shown(mount) for mount in service.runtime.mounts if _is_told(mount)]
+    shown += [f"secret {use.source} at {_word(use.target)}" for use in service.secrets]
+    return f"; mounts {', '.join(shown)}" if shown else ""
+
+
 def stands_on(want: ContainerParams) -> Iterator[tuple[str, str]]:
     """Yield kind and name of the resources that put there what a container mounts of srprov's own.
 
@@ -64,6 +78,28 @@ def stands_on(want: ContainerParams) -> Iterator[tuple[str, str]]:
             yield "file", source
         elif source.startswith(f"{MEMORY_ROOT}/{want.instance}/secrets/"):
             yield "secret", source
+
+
+def _is_told(mount: Mount) -> bool:
+    return mount.kind != "tmpfs" and not (mount.kind == "tree" and _OWN_FILE.search(mount.source))
+
+
+def _shown(mount: Mount) -> str:
+    name = posixpath.basename(mount.source) if mount.kind == "tree" else mount.source
+    words = {
+        "volume": f"volume {name}",
+        "tree": _word(name),
+        "data": "data",
+        "bind": f"the robot's {_word(name)}",
+    }[mount.kind]
+    # of shipped files and data everything is, and says nothing
+    only_read = " (read-only)" * (mount.read_only and mount.kind in ("volume", "bind"))
+    return f"{words} at {_word(mount.target)}{only_read}"
+
+
+def _word(path: str) -> str:
+    """Return a path as one word of a line; what could be misread is in quotes, as JSON has it."""
+    return path if _PLAIN.fullmatch(path) else json.dumps(path, ensure_ascii=False)
 
 
 def _mount(instance: str, mount: Mapping[str, Any]) -> Mount | SecretUse | None:

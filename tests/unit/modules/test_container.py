@@ -209,3 +209,23 @@ def test_an_image_fills_no_volume_that_its_container_reads_alone() -> None:
     stated = [dict(one) for one in resource.params.mounts if one["Type"] == "volume"]
     assert stated == [own, {key: value for key, value in alone.items() if key != "VolumeOptions"}]
     assert parts_of(resource.params)["volumes"] == list(resource.params.mounts)
+
+
+def test_the_plan_says_what_a_new_container_mounts_but_not_what_each_has() -> None:
+    instance = WANT.params.instance
+    kept, memory = f"/var/lib/srprov/{instance}", f"/run/srprov/{instance}/secrets"
+    mounts: tuple[dict[str, Any], ...] = (
+        {"Type": "volume", "Source": f"srprov.{instance}.bag", "Target": "/bag", "ReadOnly": True},
+        {"Type": "bind", "Source": f"{kept}/trees/{'a' * 24}/app, two.yml", "Target": "/etc/app.yml", "ReadOnly": True},
+        {"Type": "bind", "Source": "/srv/maps", "Target": "/maps", "ReadOnly": False},
+        {"Type": "bind", "Source": f"{memory}/token", "Target": "/run/secrets/token", "ReadOnly": True},
+        {"Type": "bind", "Source": f"{kept}/hosts", "Target": "/etc/hosts", "ReadOnly": True},
+        {"Type": "bind", "Source": f"{kept}/cyclonedds.xml", "Target": "/run/x.xml", "ReadOnly": True},
+        {"Type": "tmpfs", "Target": "/tmp"},
+    )
+    change = MODULES["container"].check(WANT.name, replace(WANT.params, mounts=mounts), None)
+    assert change is not None
+    assert change.cause == (
+        'not there; mounts volume bag at /bag (read-only), "app, two.yml" at /etc/app.yml, '
+        "the robot's /srv/maps at /maps, secret token at /run/secrets/token"
+    )
