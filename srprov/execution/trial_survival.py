@@ -24,6 +24,7 @@ class Survival:
         """Take who knows which engines were away."""
         self._patience = patience
         self._window_s = max(_SHUTDOWN_S, longest_grace_s)
+        self._started: set[str] = set()
         self._going: dict[str, float] = {}
         """Services that were started and had not ended when last looked at -> when they were, 0 where not known."""
         self._ended: dict[str, tuple[float, int]] = {}
@@ -31,6 +32,7 @@ class Survival:
 
     def start(self, service: str) -> None:
         """Note that a service is about to be started."""
+        self._started.add(service)
         self._going[service] = 0.0
 
     def stop(self, services: Collection[str]) -> None:
@@ -42,17 +44,20 @@ class Survival:
         """Take a look at all services of a robot.
 
         Raises:
-            EquipmentFailed: The engine was away since the last look, and one of them died with it.
+            EquipmentFailed: The engine was away since the last look, and one of them died with it; or it knows nothing
+                of one any more, whose log and exit code are lost with it.
         """
         returned = host in self._patience.restarted
         for service, reading in readings.items():
             since = self._going.get(service)
+            lost = reading.ended or not reading.state
+            if returned and since is not None and (lost or (since and reading.started != since)):
+                self._fail(host, service)
+            if service in self._started and not reading.state:
+                raise EquipmentFailed(f"{host}: the container of {service} is gone; somebody removed it")
             if since is None:
                 continue
-            lost = reading.ended or not reading.state
-            if returned and (lost or (since and reading.started != since)):
-                self._fail(host, service)
-            if lost:
+            if reading.ended:
                 self._ended[service] = (time.monotonic(), reading.exit_code)
                 del self._going[service]
             else:

@@ -17,6 +17,7 @@ from srprov.controller.trial_run import TrialsRequest, _resumed, chosen, run_tri
 from srprov.controller.trial_sameness import Sameness, as_far_as_known, differences, sameness
 from srprov.controller.trials import TrialRun, Trials
 from srprov.definitions import playbook
+from srprov.definitions.containermodel import Mount
 from srprov.definitions.model import Definitions
 from srprov.definitions.playbookmodel import BEFORE
 from srprov.definitions.trialsmodel import Parameter, TrialDefinitions, TrialSettings
@@ -34,9 +35,10 @@ GIVEN = TrialDefinitions(
 
 
 def test_the_shown_plan_names_what_each_trial_creates() -> None:
+    bag = Mount(kind="volume", source="bag", target="/bag")
     what = experiment(
         service("racer", robot="r2", image="race:1", privileged=True),
-        service("referee", robot="r1", image="judge:2"),
+        service("referee", robot="r1", image="judge:2", ports=(("", 8080, 80, "tcp"),), mounts=(bag,)),
         service("cam", robot="r1"),
         trials=GIVEN,
     )
@@ -47,7 +49,7 @@ def test_the_shown_plan_names_what_each_trial_creates() -> None:
         "Each trial makes these anew, and removes them:",
         "",
         "r1",
-        "  + container srprov.hello.referee: image judge:2",
+        "  + container srprov.hello.referee: image judge:2; publishes 8080:80/tcp; mounts volume bag at /bag",
         "",
         "r2",
         "  + container srprov.hello.racer: image race:1, asks for privileged",

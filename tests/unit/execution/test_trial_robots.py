@@ -152,6 +152,24 @@ def test_what_lives_through_its_engines_restart_goes_on() -> None:
     assert robots.look()["a"].ended, "its own end, later"
 
 
+@pytest.mark.parametrize("ended", [False, True])
+def test_a_container_that_somebody_removed_spoils_the_trial(ended: bool) -> None:
+    """Its log and its exit code are gone, so `until: {after: 30s}` would count what nobody knows anything of."""
+    robot = Robot()
+    robots, _, _ = made(robot)
+    robots.create()
+    assert robots.look()["a"].state == "", "it is not there yet"
+    robots.start({"a"})
+    robots.look()
+    if ended:
+        robot.dies()
+        robots.look()
+    robots.stop({"a"}, 1.0)
+    robot.state = {}
+    with pytest.raises(EquipmentFailed, match="r1: the container of a is gone; somebody removed it"):
+        robots.inspect()
+
+
 def test_what_died_with_its_engine_is_not_started_a_second_time() -> None:
     robot = Robot()
     robots, _, _ = made(robot)
