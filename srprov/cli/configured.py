@@ -45,7 +45,7 @@ def configured(context: click.Context, verb: str | None, changed: bool, as_json:
 
     From weak to strong: srprov's own default, the user's srprov.toml, the project's pyproject.toml and srprov.toml,
     the environment. An option on the command line wins over all of them. Of the inventory, the user's own file wins
-    over a project's, where it has whole paths.
+    over a project's, where it has whole paths or names of robots.
     """
     root = context.find_root()
     group = root.command

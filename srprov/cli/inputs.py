@@ -46,7 +46,8 @@ def load_inventory(paths: tuple[str, ...]) -> Inventory:
     _refuse_changed(paths)
     context = click.get_current_context(silent=True)
     if context and (aside := inventory_set_aside(context, paths)):
-        err(f"note: the inventory is {', '.join(paths)}, of your own configuration; that of {visible(aside)} needs -i")
+        own = ", ".join(paths).rstrip(",")
+        err(f"note: the inventory is {own}, of your own configuration; that of {visible(aside)} needs -i")
     inventory = load(list(paths), unnamed=[path for path in paths if leads_anywhere(context, "inventories", path)])
     if not inventory.hosts:
         raise UsageError(f"no robots in {', '.join(paths)}", hint="add hosts to the inventory", code=Code.NO_ROBOT)

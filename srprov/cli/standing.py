@@ -26,8 +26,11 @@ def leads_anywhere(context: click.Context | None, parameter: str, path: str) -> 
 
 
 def stand(paths: Collection[str]) -> bool:
-    """Return whether these are whole paths, and not names that mean other files in other folders."""
-    return bool(paths) and all(map(os.path.isabs, paths))
+    """Return whether these are whole paths, or robots by name, and not names that mean other files in other folders.
+
+    A file that is called as such names is never read for them.
+    """
+    return bool(paths) and all(os.path.isabs(one) or ("," in one and "/" not in one) for one in paths)
 
 
 def inventory_set_aside(context: click.Context, paths: tuple[str, ...]) -> str:

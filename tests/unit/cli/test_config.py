@@ -326,6 +326,23 @@ def test_a_project_names_no_other_robots_than_the_user_himself(tmp_path: Path, p
     assert found["plan"]["inventories"] == ["robots.yml"], "of two names for a file in this folder, the project's"
 
 
+def test_a_project_gives_no_other_address_to_robots_that_the_user_has_by_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`inventory = "robot1,robot2,"` means the same robots in each folder, a project's `robot1` another one."""
+    write(tmp_path / "conf/srprov/srprov.toml", "inventory = 'robot1,robot2,'\n")
+    write(tmp_path / "lab/srprov.toml", "inventory = 'robots.yml'\ntimeout = 1\n")
+    write(tmp_path / "lab/robots.yml", "all: {hosts: {robot1: {ansible_host: 127.0.0.1, ansible_port: 1}}}\n")
+    monkeypatch.chdir(tmp_path / "lab")
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "conf"))
+    environ = {"XDG_CONFIG_HOME": str(tmp_path / "conf")}
+    assert default_map(VERBS, tmp_path / "lab", environ)["plan"]["inventories"] == ["robot1,robot2,"]
+    run(["facts"])
+    said = capsys.readouterr().err
+    assert "note: the inventory is robot1,robot2, of your own configuration" in said, said
+    assert "127.0.0.1" not in said
+
+
 def test_an_inventory_that_is_set_aside_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
