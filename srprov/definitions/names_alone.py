@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Collection
+from shlex import quote
 
 from srprov.codes import Code
 from srprov.definitions.script import is_program
@@ -47,7 +48,8 @@ def check_nothing_beside(paths: Collection[str], folders: Collection[str]) -> No
         folders: Those of which variables are read anyway, since an inventory that lies there was named.
 
     Raises:
-        DefinitionError: There are variables, also beside the inventory of a record; or that is a program, or a folder.
+        DefinitionError: There are variables, also beside the inventory of a record; or that is a program, or a folder;
+            or the folder that it lies in was named.
     """
     for path in paths:
         _check_recorded(path)
@@ -73,6 +75,10 @@ def _check_recorded(path: str) -> None:
         message = "is the inventory of a record, with which nothing is read,"
         message = f"{message} and {os.path.relpath(beside)} would be: it may be a stranger's"
         raise _refused(path, message, "copy it to another folder, and name the copy")
+    if os.path.isdir(path):
+        message = "is the folder of a record, of which all files would be read: an experiment shipped them"
+        hint = f"name the inventory in it: -i {quote(os.path.join(path, _RECORDED[1]))}"
+        raise _refused(path, message, hint)
 
 
 def _is_recorded(file: str) -> bool:

@@ -119,6 +119,17 @@ def test_no_inventory_of_a_record_is_run(project: Path) -> None:
     assert not (project / "ran").exists()
 
 
+def test_the_folder_of_a_record_is_no_inventory(project: Path) -> None:
+    """Of a folder all files are read, and what lies there the experiment shipped: a `hosts` with a ProxyCommand."""
+    home = project / "sessions" / "1" / "inputs"
+    home.mkdir(parents=True)
+    (home / "inventory.yml").write_text("all: {hosts: {robot1: }}\n")
+    (home / "hosts").write_text("robot1 ansible_ssh_common_args='-o ProxyCommand=\"touch ran\"'\n")
+    for path in ("sessions/1/inputs", "sessions/1/inputs/", str(home)):
+        assert "is the folder of a record" in _refusal(path)
+    assert not load_inventory(["sessions/1/inputs/inventory.yml"]).hosts["robot1"].ssh_options
+
+
 def test_no_folder_is_the_inventory_of_a_record(project: Path) -> None:
     """It would be read with the variables in it, and not with those beside it."""
     home = project / "sessions" / "1" / "inputs" / "inventory.yml"
