@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
 
 import click
@@ -44,7 +45,7 @@ def stored_facts(path: Path, inventory: Inventory) -> tuple[Snapshot, object]:
     try:
         content, about = regular_file.read_with_status(path)
         if about.st_nlink > 1 and not path.is_absolute():  # an archive may have given it this one
-            hint = f"if you mean it, name its whole path: --facts {path.absolute()}"
+            hint = f"if you mean it, name its whole path: --facts {quote(str(path.absolute()))}"
             raise UsageError(f"{path} has another name (a hard link)", hint=hint, code=Code.STRANGE_FILE)
         document = parse_json(content.decode())
         found = read_document(document)

@@ -36,7 +36,8 @@ def split(path: str) -> list[str]:
     """
     if os.path.lexists(path):
         message = "are names of robots and the name of a file, too, which may be a stranger's"
-        raise _refused(path, message, f"if you mean the file: -i ./{path}")
+        hint = f"if you mean the file: -i ./{quote(path)}"
+        raise _refused(path, message, hint)
     return [name.strip() for name in path.split(",") if name.strip()]
 
 

@@ -14,6 +14,7 @@ import fnmatch
 import os
 import re
 from collections.abc import Callable, Collection, Sequence
+from shlex import quote
 from typing import Any
 
 from srprov import linear_regex, regular_file
@@ -126,7 +127,7 @@ def _of_file(inventory: Inventory, name: str) -> set[str]:
         hint = f"'@FILE' is a file with one robot per line; '{FAILED}' are those that failed in the last run"
         raise UsageError(f"'@{name}': {why}", hint=hint, code=Code.NO_FILE) from None
     if has_further_names(about) and not os.path.isabs(name):  # an archive may have given it this one
-        hint = f"if you mean it, name its whole path: @{os.path.abspath(name)}"
+        hint = f"if you mean it, name its whole path: @{quote(os.path.abspath(name))}"
         raise UsageError(f"'@{name}' has another name (a hard link)", hint=hint, code=Code.STRANGE_FILE)
     found: set[str] = set()
     for line in lines:

@@ -202,7 +202,8 @@ def mapped(inventory: Inventory, robots: Collection[str], asked: Mapping[str, st
     whose = {name: asked.get(name, name) for name in sorted(robots)}
     for name, new in whose.items():
         if new not in inventory.hosts:
-            hint = did_you_mean(new, inventory.hosts) or f"say who does the part of {name}: --map {name}=ROBOT"
+            part = f"say who does the part of {name}"
+            hint = did_you_mean(new, inventory.hosts) or f"{part}: --map {shlex.quote(name)}=ROBOT"
             raise UsageError(f"there is no robot {new} in the inventory", hint=hint, code=Code.REPLAY)
     twice = sorted(new for new in set(whose.values()) if list(whose.values()).count(new) > 1)
     if twice:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from shlex import quote
 from typing import Any
 
 from srprov.codes import Code
@@ -143,7 +144,7 @@ def _put_in(value: str, node: Scalar, reading: Reading, path: Path) -> str | Non
     if lost and _VARIABLE.fullmatch(value):
         return None
     for name in lost:
-        hint = f"--set {name[:60]}=VALUE: the environment is not looked at"
+        hint = f"--set {quote(name[:60])}=VALUE: the environment is not looked at"
         reading.findings.add(
             node, f"'{name[:60]}' is a variable of the master's environment", path, hint, code=Code.SWARMROB
         )

@@ -8,11 +8,16 @@ from collections.abc import Iterator
 from pathlib import Path
 
 SOURCES = sorted((Path(__file__).resolve().parents[2] / "srprov").rglob("*.py"))
-COMMAND = re.compile(r"(^|[`:] ?)(srprov [a-z]+|chmod|chown|mkdir|rm|mv|cp|git|ssh-keygen|ssh-keyscan|docker) [^`]*$")
-"""What a shell would run, up to a place where something is put in."""
+COMMAND = re.compile(
+    r"(^|[`:] ?)(srprov [a-z]+|chmod|chown|mkdir|rm|mv|cp|git|ssh-keygen|ssh-keyscan|docker) [^`]*$"
+    r"|(^|[ `])(--[a-z-]+|-[a-z]) (\./)?$|: @$"
+)
+"""What a shell would run, or what is added to that, up to a place where something is put in."""
 CLOSED = {
     "os.geteuid()": "a number",
     "name": "of an image, and checked: see `images.hint`",
+    "off[name].profiles[0]": "checked by the schema",
+    "endpoint.service": "a service's name",
 }
 """What needs no quotes, and why."""
 
@@ -55,5 +60,8 @@ def test_what_is_put_into_a_command_is_quoted() -> None:
 def test_a_place_without_quotes_is_seen() -> None:
     assert list(unquoted('raise E("x", hint=f"see `srprov validate {path}`, or leave it")')) == [
         "see `srprov validate {path}"
+    ]
+    assert list(unquoted('raise E("x", hint=f"name its whole path: --facts {path}")')) == [
+        "name its whole path: --facts {path}"
     ]
     assert list(unquoted('raise E("x", hint=f"then: chmod go-w {quote(path)}")')) == []
