@@ -21,6 +21,8 @@ from srprov.tree_links import leaving
 
 _FOLDER = 0o755
 _MARK = 0o700
+_AS_IT_WAS = "files"
+"""Where all lies as in the experiment's folder; elsewhere each folder came from a place of its own."""
 
 
 def write_export(folder: str, made: Export) -> None:
@@ -34,16 +36,18 @@ def write_export(folder: str, made: Export) -> None:
 
 
 def _check_links(made: Export) -> None:
-    """Refuse a link out of `build/`, `files/` and the like: a folder is there to be copied, with what links lead to.
+    """Refuse a link out of `build/NAME/`, `files/` and so on: a folder is there to be copied, with what links lead to.
 
-    So scp, zip and others do. From this place a stranger's link leads to another file than from where it was.
+    So scp, zip and others do. From this place a stranger's link leads to another file than from where it was, also to
+    one that another image is built from.
     """
     parts: dict[str, dict[str, str]] = {}
     for one in made.files:
         if one.link is not None:
             robot = next((each.folder for each in made.machines if one.path.startswith(each.folder)), "")
-            part, _, below = one.path.removeprefix(robot).partition("/")
-            parts.setdefault(f"{robot}{part}", {})[below] = one.link
+            names = one.path.removeprefix(robot).split("/")
+            depth = 1 if names[0] == _AS_IT_WAS else min(2, len(names) - 1)
+            parts.setdefault(f"{robot}{'/'.join(names[:depth])}", {})["/".join(names[depth:])] = one.link
     for part, links in sorted(parts.items()):
         try:
             path = leaving(links)

@@ -70,3 +70,34 @@ def test_a_link_that_stays_in_its_part_is_written(project: Path) -> None:
     (project / "ctx" / "out").symlink_to("/etc/hosts")
     (project / "ctx" / ".dockerignore").write_text("out\n")
     assert run(["export", "compose", "e.edf", "-o", "again"]) == 0
+
+
+@pytest.mark.parametrize("place", ["build/other", "build/b"])
+def test_no_link_leads_from_what_one_image_is_built_from_to_that_of_another(
+    project: Path, capsys: pytest.CaptureFixture[str], place: str
+) -> None:
+    """A CDF of a stranger's, as one of git, has what lies with it alone; in an export others lie beside it."""
+    (project / "b").mkdir()
+    (project / "b" / "Dockerfile").write_text("FROM busybox\nCOPY private /p\n")
+    (project / "b" / "private").write_text("canary")
+    edf = (project / "e.edf").read_text()
+    (project / "e.edf").write_text(edf.replace("services: {", "services: {b: {cdf: b/Dockerfile}, "))
+    (project / "ctx" / "map").symlink_to(f"../{place.partition('/')[2]}/private")
+    assert run(["export", "compose", "e.edf", "-o", "out"]) == 5
+    assert "the link build/ctx/map would lead out of build/ctx/" in capsys.readouterr().err
+    (project / "ctx" / "map").unlink()
+    (project / SEED / "map").symlink_to("../other/f")
+    assert run(["export", "compose", "e.edf", "-o", "out"]) == 5
+    assert "the link volumes/cfg/map would lead out of volumes/cfg/" in capsys.readouterr().err
+
+
+def test_links_among_what_is_mounted_stay_as_they_are_in_the_project(project: Path) -> None:
+    (project / "shared").mkdir()
+    (project / "shared" / "f").write_text("own")
+    (project / "conf").mkdir()
+    (project / "conf" / "link").symlink_to("../shared/f")
+    (project / "e.edf").write_text(
+        "edf: 1\nname: demo\nservices: {a: {image: busybox, volumes: ['./conf:/conf', './shared:/shared']}}\n"
+    )
+    assert run(["export", "compose", "e.edf", "-o", "out"]) == 0
+    assert (project / "out" / "files" / "conf" / "link").read_text() == "own"
