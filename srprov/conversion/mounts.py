@@ -69,6 +69,8 @@ def _short(source: str, one: Mapping[str, Any]) -> object:
 def _named(given: Mapping[str, Any], one: Mapping[str, Any], service: str, project: Project, path: Path) -> object:
     if (one.get("volume") or {}).get("subpath"):
         project.notes.refused((*path, "volume", "subpath"), "a volume is mounted as a whole")
+    if one.get("read_only") and "nocopy" in (one.get("volume") or {}):  # so it is here
+        project.notes.exact((*path, "volume", "nocopy"))
     name = one.get("source")
     if not name:
         made = _NO_NAME.sub("-", f"{project.names[service]}{one['target']}").strip("-.")

@@ -33,7 +33,11 @@ MOUNTS: tuple[Row, ...] = (
     dropped(f"{_V}.bind.recursive", "no field says it"),
     dropped(f"{_V}.bind.selinux", "no field says it"),
     exact(f"{_V}.volume", "the volume"),
-    dropped(f"{_V}.volume.nocopy", "a new volume that may be written begins with what the image has there"),
+    dropped(
+        f"{_V}.volume.nocopy",
+        "a new volume that may be written begins with what the image has there",
+        (Kept.EXACT, "with `read_only`"),
+    ),
     dropped(f"{_V}.volume.labels", "volumes carry srprov's own labels"),
     refused(f"{_V}.volume.subpath", "a volume is mounted as a whole"),
     exact(f"{_V}.tmpfs", "`tmpfs`"),
