@@ -95,7 +95,7 @@ def _made_from(file: str) -> Collection[str]:
 
     if own := files_of(file):
         return own
-    err(f"note: {visible(file)} is not valid, so nothing is copied into its folder")
+    err(f"note: {visible(file)} is not valid, so nothing is copied into its folder, until `srprov validate` takes it")
     return (os.path.dirname(file) or os.curdir,)
 
 
