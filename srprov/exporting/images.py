@@ -24,8 +24,9 @@ from srprov.images.tag import Checkouts, generated, repository_of, tailored
 _OF_BUILDERS = frozenset({"dockerfile", "containerfile", "dockerfile.dockerignore", ".containerignore"})
 """What builders look for at the top of a folder beside `.dockerignore`, some of them first; a disk may take any case.
 
-Source: buildah's DiscoverContainerfile and ContainerIgnoreFile, podman-compose, Docker's `build -f`.
+A folder is none. Source: buildah's DiscoverContainerfile and ContainerIgnoreFile, podman-compose, Docker's `build -f`.
 """
+_WHY = "a builder would go by it, and nobody looked at it"
 
 
 class Built(msgspec.Struct, frozen=True, kw_only=True):
@@ -38,7 +39,7 @@ class Built(msgspec.Struct, frozen=True, kw_only=True):
     variables: tuple[str, ...] = ()
     """What it takes of the environment of whoever builds it."""
     moving: tuple[str, ...] = ()
-    """Of its code repositories, in words, which commit they are now, and what of them is left out."""
+    """In words, which commit its code repositories are now, and what of its files is left out."""
 
 
 def built(
@@ -98,8 +99,16 @@ def _from_folder(cdf: ContainerDefinition, name: str, listing: Listing, read: Re
     entries = errors.attempt("dockerfile", lambda: folder_entries(folder, listing, read), none)
     errors.raise_any()
     own = File(path=DOCKERFILE, content=text.encode())
-    others = (entry for entry in entries if entry.path.partition("/")[0].casefold() not in _OF_BUILDERS)
-    return Built(name=name, files=(own, *map(_file, others)))
+    others = [entry for entry in entries if not _is_taken_for_one(entry.path)]
+    kept = {DOCKERFILE if posixpath.join(folder, DOCKERFILE) == cdf.dockerfile else "", *(one.path for one in others)}
+    told = (f"{name}: {one.path[:200]} is left out: {_WHY}" for one in entries if one.path not in kept)
+    return Built(name=name, files=(own, *map(_file, others)), moving=tuple(told))
+
+
+def _is_taken_for_one(path: str) -> bool:
+    """Return whether a builder could take a file for a Dockerfile, or it has the place of that; a folder is none."""
+    top, slash, _ = path.partition("/")
+    return top == DOCKERFILE or (not slash and top.casefold() in _OF_BUILDERS)
 
 
 def _file(entry: ContextFile) -> File:

@@ -52,9 +52,23 @@ def test_nothing_is_exported_that_a_builder_takes_before_that(tool: str, name: s
     (tmp_path / "ctx" / name).write_text(FILES["ctx__Dockerfile"])
     (tmp_path / "ctx" / "below").mkdir()
     (tmp_path / "ctx" / "below" / name).write_text("x")
-    found = contents(exported(tool, edf))
+    made = exported(tool, edf)
+    found = contents(made)
     assert f"build/a/{name}" not in found
     assert found[f"build/a/below/{name}"] == b"x"
+    told = [note.partition(" is left out: ")[0] for note in made.notes if "nobody looked at it" in note]
+    assert told == [f"a: {one}" for one in sorted({"Dockerfile", name})]
+
+
+def test_a_folder_of_such_a_name_is_what_a_build_copies_from(tmp_path: Path) -> None:
+    """`COPY dockerfile/entry.sh /` was in every export that could not be built."""
+    files = {"ctx__Dockerfile": "FROM busybox\nCOPY dockerfile/entry.sh /\n", "ctx__y": "y"}
+    edf = experiment(tmp_path, "services: {a: {cdf: ctx/Dockerfile}}", **files)
+    (tmp_path / "ctx/dockerfile").mkdir()
+    (tmp_path / "ctx/dockerfile/entry.sh").write_text("x")
+    made = twin(edf)
+    assert contents(made)["build/ctx/dockerfile/entry.sh"] == b"x"
+    assert not [note for note in made.notes if "left out" in note]
 
 
 def test_what_a_build_takes_of_the_environment_is_told(tmp_path: Path) -> None:
