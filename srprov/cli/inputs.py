@@ -70,15 +70,15 @@ def _with_become_password(inventory: Inventory) -> Inventory:
     """Ask once, and give the answer to every robot that has no password of its own, and where root does not log in.
 
     Raises:
-        UsageError: The inventory is one that the user did not name: a robot there may be called as one of his.
+        UsageError: Some would be told it of an inventory that the user did not name: one may be called as one of his.
         RefusedError: There is no terminal to ask on.
     """
-    if not inventory.named:
-        message = "-K would tell sudo's password to robots of an inventory that you did not name"
-        raise UsageError(message, hint="if you trust it, name it yourself: -i FILE", code=Code.UNNAMED_INVENTORY)
     lacking = [name for name, host in inventory.hosts.items() if not host.become_password and host.user != "root"]
     if not lacking:
         return inventory
+    if not inventory.named:
+        message = "-K would tell sudo's password to robots of an inventory that you did not name"
+        raise UsageError(message, hint="if you trust it, name it yourself: -i FILE", code=Code.UNNAMED_INVENTORY)
     if not sys.stdin.isatty():
         hint = "set ansible_become_password in the inventory, e.g. in host_vars/ that only you can read"
         raise RefusedError("there is no terminal to ask for sudo's password on", hint=hint, code=Code.NO_TERMINAL)

@@ -52,3 +52,5 @@ def test_robots_of_an_inventory_that_the_user_did_not_name_are_told_none(
     monkeypatch.setattr(click, "prompt", lambda *_words, **_more: pytest.fail("it was asked for"))
     assert run(["facts", "-K"]) == 5
     assert "an inventory that you did not name" in capsys.readouterr().err
+    (tmp_path / "i.yml").write_text(hosts.replace("pi", "root"))
+    assert run(["facts", "-K"]) == 4, "where root logs in nobody is told one"
