@@ -18,6 +18,7 @@ from typing import Any, BinaryIO
 import msgspec
 
 from srprov.codes import Code
+from srprov.definitions.repository_names import WHY, repository_among
 from srprov.errors import RefusedError, UsageError
 from srprov.evidence import descriptions, make_images, secrets, stored_zip, story
 from srprov.evidence.files import (
@@ -74,6 +75,9 @@ def bundle(
     """
     _check(folder, target)
     files = of_run(folder)
+    if made_here := repository_among(sorted(files.sizes)):
+        hint = "run it without that among what the EDF ships: an image may have it, or a file of another name"
+        raise UsageError(f"{folder} cannot be bundled: it has {made_here[:200]}: {WHY}", hint=hint, code=Code.RECORD)
     try:
         for name in files.sizes:
             stored_zip.Names().add(name)

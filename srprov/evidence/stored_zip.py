@@ -79,8 +79,8 @@ class Names:
     """Names of an archive: each is a plain relative path, and none stands in another's way, even without case."""
 
     def __init__(self) -> None:
-        self._files: set[str] = set()
-        """Without case, and with NUL for a slash: a name has none, and it sorts before all that names have."""
+        self._files: dict[str, str] = {}
+        """By names without case, and with NUL for a slash: a name has none, and it sorts before all that names have."""
 
     def add(self, name: str) -> None:
         """Take one more.
@@ -95,7 +95,7 @@ class Names:
         key = name.casefold().replace("/", "\0")
         if key in self._files:
             raise _twice(key)
-        self._files.add(key)
+        self._files[key] = name
 
     def check(self) -> None:
         """Look through all of them, once they are there.
@@ -106,7 +106,7 @@ class Names:
         for above, name in itertools.pairwise(sorted(self._files)):  # what is below a file comes right behind it
             if name.startswith(f"{above}\0"):
                 raise _twice(name)
-        if made := repository_among(one.replace("\0", "/") for one in self._files):
+        if made := repository_among(sorted(self._files.values())):
             raise ValueError(f"it has {made[:200]}: {WHY}")
 
 

@@ -119,8 +119,10 @@ def test_no_file_stands_where_another_one_has_a_folder(names: tuple[str, ...]) -
 
 
 @pytest.mark.parametrize(
-    "names", [(".git/config",), ("HEAD", "config", "objects/x", "refs/x"), ("a/HEAD", "a/commondir"), ("a/.hg/hgrc",)]
-)
+    "names",
+    [(".git/config",), ("HEAD", "config", "objects/x", "refs/x"), ("a/HEAD", "a/commondir"), ("a/.hg/hgrc",),
+     ("CVS/Root",), ("a/_FOSSIL_",)],
+)  # fmt: skip
 def test_no_bundle_is_a_repository_where_it_is_unpacked(names: tuple[str, ...]) -> None:
     """Whoever unpacked it to look at it, as the manual shows, had git run what its settings name."""
     with pytest.raises(ValueError, match="a repository here could name programs"):

@@ -119,6 +119,20 @@ def test_a_file_by_a_path_that_only_this_machine_has_makes_no_bundle(tmp_path: P
         bundle(run, tmp_path / "b.zip")
 
 
+def test_a_run_that_shipped_a_repository_is_told_so_before_anything_is_written(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As of an EDF that mounts `./.git`; to run it again as it was helps nobody."""
+    copy = shutil.copytree(run, tmp_path / "copy")
+    for name in ("logs/HEAD", "HEAD"):
+        (copy / "sessions/1/inputs/.git" / name).parent.mkdir(parents=True, exist_ok=True)
+        (copy / "sessions/1/inputs/.git" / name).write_text("x")
+    assert cli(["bundle", str(copy), "-o", str(tmp_path / "b.zip")]) == 5
+    said = capsys.readouterr().err
+    assert "it has sessions/1/inputs/.git/HEAD: a repository here could name programs" in said
+    assert "run it without that among what the EDF ships" in said
+
+
 def test_nothing_tells_how_robots_are_reached(run: Path, bundled: Path) -> None:
     facts = json.loads((run / "sessions/1/facts.json").read_text())
     inventory = json.loads((run / "sessions/1/inputs/inventory.yml").read_text())
