@@ -70,7 +70,8 @@ def write(folder: str, files: Iterable[File]) -> None:
     every = sorted(files, key=lambda one: (one.link is not None, not one.is_folder, one.path))
     if strange := repository_among(one.path for one in every):
         what = f"nothing is written: {strange[:200]}: {WHY}"
-        raise UsageError(what, hint="take it out of what it comes from", code=Code.STRANGE_FILE)
+        hint = "leave it out of what the EDF ships, or of what the image is built from"
+        raise UsageError(what, hint=hint, code=Code.STRANGE_FILE)
     try:
         os.makedirs(folder, mode=_MARK, exist_ok=True)
         with believed.to_fill(folder) as place:
