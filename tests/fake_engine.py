@@ -105,7 +105,8 @@ class Engine:
         if path == "/networks":
             return _answer([_network(n, b) for n, b in self.networks.items() if _has(b.get("Labels"), wanted)])
         if path == "/volumes":
-            listed = [_volume(n, labels) for n, labels in self.volumes.items() if _has(labels, wanted)]
+            named = filters.get("name", [""])[0]
+            listed = [_volume(n, labels) for n, labels in self.volumes.items() if _has(labels, wanted) and named in n]
             return _answer({"Volumes": listed or None, "Warnings": None})
         if path == "/images/json":
             return _answer([_image(name, labels) for name, labels in self.images.items()])

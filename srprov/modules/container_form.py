@@ -64,13 +64,17 @@ def shown_mounts(want: ContainerParams) -> str:
 def stands_on(want: ContainerParams) -> Iterator[tuple[str, str]]:
     """Yield kind and name of the resources that put there what a container mounts of srprov's own.
 
-    An EDF that leads to such a mount leads to the resource too, and that is where it is asked whose the content is.
+    An EDF that leads to such a mount leads to the resource too, and that is where it is asked whose the content is. A
+    volume that nothing states is made by the engine: it says of nobody whose it is, and stands in no plan.
     """
     kept = f"{STATE_ROOT}/{want.instance}"
     for mount in want.mounts:
         source = str(mount.get("Source"))
         below = source.removeprefix(f"{kept}/")
-        if data := _DATA.fullmatch(source):
+        if mount.get("Type") == "volume":
+            if "Source" in mount:  # one for results has none, and goes with its container
+                yield "volume", source
+        elif data := _DATA.fullmatch(source):
             yield "data", f"{kept}/data/{data[1]}"
         elif below != source and _TREE.fullmatch(below):
             yield "tree", source.rpartition("/")[0]

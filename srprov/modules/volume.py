@@ -5,6 +5,9 @@ copied from another robot whose copy it is. Data is copied into a volume of anot
 the place of the real one in one rename after its hash was compared. While the half copy is there, whatever has the real
 name is worth nothing yet. A seed comes into a volume in the same way, once, when it is made.
 
+What has the name of an instance's volume is that instance's, whoever made it, and without labels somebody else's: an
+engine that is told to make one that is there says that it did, and leaves in it what is there.
+
 Source: Docker Engine API 1.41, "Create a volume".
 """
 
@@ -34,11 +37,19 @@ _HASH = re.compile(r"[0-9a-f]{24}")
 _USER = re.compile(r"([0-9]{1,10}(:[0-9]{1,10})?)?")
 _HALF = "srprov-copy."
 _NAME = "srprov."
+_NAME_FILTER = canonical({"name": [_NAME]})
 
 
 def volume_name(instance: str, name: str) -> str:
     """Return the name of a data volume in Docker."""
     return f"{_NAME}{instance}.{name}"
+
+
+def _named_for(name: str) -> str:
+    """Return the instance whose volume `volume_name` calls so, or nothing."""
+    instance, _, own = name.removeprefix(_NAME).partition(".")
+    ours = name.startswith(_NAME) and names.valid("instance", instance) and WORD.fullmatch(own)
+    return instance if ours else ""
 
 
 def half_copy(name: str) -> str:
@@ -97,18 +108,18 @@ class VolumeModule(Module[VolumeParams]):
     holds_data = True
 
     def queries(self) -> tuple[AnyQuery, ...]:
-        """List labelled volumes."""
-        return (EngineQuery(path="/volumes", params=(("filters", LABEL_FILTER),)),)
+        """List labelled volumes, and those with names of ours."""
+        return tuple(EngineQuery(path="/volumes", params=(("filters", one),)) for one in (LABEL_FILTER, _NAME_FILTER))
 
     def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
         """Return names, owners and where they lie."""
-        body = replies[0].json() if replies[0].ok else None
-        items = mappings(body.get("Volumes") if isinstance(body, dict) else None)
-        every = {string(item.get("Name")) for item in items}
+        bodies = [one.json() if one.ok else None for one in replies]
+        items = [item for one in bodies for item in mappings(one.get("Volumes") if isinstance(one, dict) else None)]
+        by_name = {string(item.get("Name")): item for item in items}
         found = []
-        for item in items:
-            labels, name = string_map(item.get("Labels")), string(item.get("Name"))
-            if INSTANCE in labels:
+        for name, item in by_name.items():
+            labels = string_map(item.get("Labels"))
+            if instance := labels.get(INSTANCE) or _named_for(name):
                 state = {
                     "source": labels.get(SOURCE, ""),
                     "owner": labels.get(OWNER, ""),
@@ -116,11 +127,11 @@ class VolumeModule(Module[VolumeParams]):
                     "seed": seed if _HASH.fullmatch(seed := labels.get(SEED, "")) else "",
                     "created": string(item.get("CreatedAt")),
                     "place": string(item.get("Mountpoint")),
-                    "half": name.startswith(_HALF) or half_copy(name) in every,
+                    "half": name.startswith(_HALF) or half_copy(name) in by_name,
                 }
                 if made_for := [one for one in labels.get(SERVICES, "").split(",") if names.valid("service", one)]:
                     state["services"] = made_for  # of an older srprov's nobody knows
-                found.append(Observed(module="volume", name=name, instance=labels[INSTANCE], state=state))
+                found.append(Observed(module="volume", name=name, instance=instance, state=state))
         return tuple(found)
 
     def check(self, name: str, want: VolumeParams, found: State | None) -> Change | None:
