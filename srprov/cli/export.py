@@ -21,12 +21,14 @@ from srprov.errors import UsageError, visible
 
 if TYPE_CHECKING:
     from srprov.controller.compose import Source
+    from srprov.definitions.model import Inventory
     from srprov.exporting.model import Export
+    from srprov.facts.model import Snapshot
 
 
 _F = TypeVar("_F", bound=Callable[..., object])
 _ROBOTS = click.option("-i", "--inventory", "inventories", multiple=True, metavar="FILE",
-                       help="Inventory, may be repeated; a PLAN needs none.")  # fmt: skip
+                       help="Inventory, may be repeated; a PLAN of this machine needs none.")  # fmt: skip
 _FOLDER = click.option("-o", "--out", "target", type=click.Path(path_type=Path), required=True, metavar="DIR",
                        callback=no_link, help="A folder that is new or empty.")  # fmt: skip
 
@@ -80,7 +82,7 @@ def compose(
         raise UsageError("--facts is for the robots of an inventory", hint="name it with -i", code=Code.OPTIONS)
     source = controller.read(file, permitted(allow)[1], request.profiles, placed=bool(inventories) and not twin)
     if source.plan and not twin:
-        made = controller.on_planned_robots(source)
+        made = _on_planned(source, inventories, stored, timeout, forks)
     elif inventories and not twin:
         made = _on_robots(source, inventories, stored, request, timeout, forks)
     else:
@@ -133,10 +135,8 @@ def _source(tool: str, file: str, target: Path, request: PlanRequest, allow: tup
 def _placed(
     source: Source, inventories: tuple[str, ...], stored: Path | None, request: PlanRequest, timeout: float, forks: int
 ) -> Export:
-    from srprov.controller import compose as controller
-
     if source.plan:
-        return controller.on_planned_robots(source)
+        return _on_planned(source, inventories, stored, timeout, forks)
     if not inventories:
         raise UsageError(
             "no robots", hint="name an inventory with -i, or give a plan that `srprov plan -o` wrote", code=Code.OPTIONS
@@ -164,14 +164,30 @@ def _on_robots(
     from srprov.controller import compose as controller
 
     inventory = inputs.load_inventory(inventories)
+    snapshot, decided = _robots(inventory, stored, timeout, forks)
+    return controller.on_chosen_robots(source, inventory, snapshot, request, decided)
+
+
+def _on_planned(
+    source: Source, inventories: tuple[str, ...], stored: Path | None, timeout: float, forks: int
+) -> Export:
+    """Return what is for the robots of a plan. Where those are is their own word, unless it was written here."""
+    from srprov.controller import compose as controller
+    from srprov.controller.compose_plan import is_of_here
+
+    if not inventories or (source.plan and is_of_here(source.plan)):
+        return controller.on_planned_robots(source)
+    return controller.on_planned_robots(source, _robots(inputs.load_inventory(inventories), stored, timeout, forks)[0])
+
+
+def _robots(inventory: Inventory, stored: Path | None, timeout: float, forks: int) -> tuple[Snapshot, object]:
+    """Return the robots as they are, and what a run's record says of its decision."""
     if stored:
-        snapshot, decided = stored_facts(stored, inventory)
-        return controller.on_chosen_robots(source, inventory, snapshot, request, decided)
+        return stored_facts(stored, inventory)
     with inputs.connect(inventory, timeout, forks) as fleet:
         from srprov.facts.gather import Detail
 
-        snapshot = fleet.gather(Detail.TRAFFIC)
-    return controller.on_chosen_robots(source, inventory, snapshot, request)
+        return fleet.gather(Detail.TRAFFIC), None
 
 
 def _tell(made: Export, target: Path, *, as_json: bool) -> None:

@@ -17,7 +17,7 @@ from msgspec.structs import replace
 
 from srprov import disk, plain_tar
 from srprov.codes import Code
-from srprov.controller.compose_plan import addresses_of, check_same, edf_of
+from srprov.controller.compose_plan import addresses_of, check_same, edf_of, underlays
 from srprov.controller.own_files import COPIED_FIRST, permit_copies
 from srprov.controller.robots_words import at_home
 from srprov.controller.source import read_definitions, saved_plan
@@ -99,11 +99,11 @@ def twin(source: Source) -> Export:
     return _exported(source, expand(replace(experiment, services=once), {}), {}, {})
 
 
-def on_planned_robots(source: Source) -> Export:
-    """Return a Compose file for each robot of the plan.
+def on_planned_robots(source: Source, snapshot: Snapshot | None = None) -> Export:
+    """Return a Compose file for each robot of the plan; `snapshot` says where they are, else the plan if it may.
 
     Raises:
-        UsageError: The plan places what the EDF does not have.
+        UsageError: The plan places what the EDF does not have; or an address is not known.
     """
     assert source.plan is not None
     placed = dict(source.plan.plan.assignment)
@@ -112,7 +112,7 @@ def on_planned_robots(source: Source) -> Export:
         raise UsageError(
             f"the plan places {', '.join(unknown[:5])}, which the EDF does not have", code=Code.PLAN_MISFIT
         )
-    return on_robots(source, experiment, placed, addresses_of(source.plan))
+    return on_robots(source, experiment, placed, underlays(snapshot) if snapshot else addresses_of(source.plan))
 
 
 def on_chosen_robots(
@@ -143,8 +143,7 @@ def on_chosen_robots(
     experiment = at_home(choice.experiment, placed, snapshot.facts)
     notes = idle_notes(source.definitions, choice.experiment, snapshot)
     known = replace(source.definitions, notes=(*source.definitions.notes, *notes))
-    addresses = {name: facts.underlay_address for name, facts in snapshot.facts.items()}
-    return on_robots(replace(source, definitions=known), experiment, placed, addresses)
+    return on_robots(replace(source, definitions=known), experiment, placed, underlays(snapshot))
 
 
 def on_robots(

@@ -19,6 +19,7 @@ from srprov.yamldoc import loader
 from srprov.yamldoc.nodes import Map
 
 if TYPE_CHECKING:
+    from srprov.facts.model import Snapshot
     from srprov.planning.planfile import PlanFile
 
 
@@ -75,8 +76,23 @@ def _check_text(plan: PlanFile, name: str, text: str, file: str) -> None:
         )
 
 
+def is_of_here(plan: PlanFile) -> bool:
+    """Return whether this controller wrote a plan: only then counts what it says of where robots are."""
+    return bool(provers(plan))
+
+
+def underlays(snapshot: Snapshot) -> dict[str, str]:
+    """Return robot -> the address that others reach, as robots themselves say."""
+    return {name: facts.underlay_address for name, facts in snapshot.facts.items()}
+
+
 def addresses_of(plan: PlanFile) -> dict[str, str]:
-    """Return robot -> the address that others reach, from the placement record that the plan writes."""
+    """Return robot -> the address that others reach, from the placement record that the plan writes.
+
+    Nothing of a plan that was not written here: services would be told of a stranger's host as one of the others.
+    """
+    if not is_of_here(plan):
+        return {}
     wants = (*(step.want for step in plan.plan.steps if step.want), *plan.also_wanted)
     for want in wants:
         if isinstance(want.params, FileParams) and is_record_path(want.name):

@@ -15,8 +15,10 @@ from srprov.cli.main import run
 from srprov.controller.owners import keep, read_owner
 from srprov.controller.plan_proof import proved
 from srprov.facts.document import facts_document
+from srprov.modules.module import canonical
 from srprov.planning.plan import Plan
 from srprov.planning.planfile import PlanFile, dump
+from tests.resources import resource
 from tests.unit.assignment.worlds import robot
 
 EDF = """\
@@ -178,6 +180,38 @@ def test_a_plan_that_was_written_here_finds_its_edf(private: Path, lab: Path) ->
     assert services(lab / "out" / "r2" / "compose.yml").keys() == {"map"}
     private.write_text(PRIVATE.replace("nobody", "somebody"))
     assert run(["export", "compose", "p.json", "-o", "late"]) == 5
+
+
+def test_a_plan_of_a_stranger_does_not_say_where_robots_are(
+    lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Services were told of a host of his as of one of the others, and sent what was meant for that one there."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(lab / "state"))
+    (lab / "e.edf").write_text("edf: 1\nname: demo\nservices: {db: {image: busybox}, web: {image: busybox}}\n")
+    owner = replace(read_owner("demo", str(lab / "e.edf")), source="lab@desk:e.edf")
+    keep(owner)
+    placed, his = {"db": "r1", "web": "r2"}, "203.0.113.9"
+    told = {name: {"gateway": "", "vtep": his} for name in placed.values()}
+    where = {name: {"ip": "", "mac": "", "network": "overlay", "robot": robot} for name, robot in placed.items()}
+    overlay = {"mtu": 0, "port": 0, "subnet": "", "vni": 0, "serial": 1}
+    record = {**overlay, "instance": "demo", "source": owner.source, "robots": told, "services": where}
+    path = "/var/lib/srprov/demo/placement.json"
+    wanted = resource("file", path, {"content": canonical(record) + "\n"}, host="r1")
+    away = dict.fromkeys(placed.values(), "no route")
+    plan = Plan(instance="demo", source=owner.source, steps=(), assignment=placed, unreachable=away)
+    prints = {name: {"underlay": {"address": his}} for name in placed.values()}
+    saved = PlanFile(
+        plan=plan, fingerprints=prints, inputs={"e.edf": (lab / "e.edf").read_text()}, also_wanted=(wanted,)
+    )
+    (lab / "p.json").write_text(dump(saved))
+    assert run(["export", "compose", "p.json", "-o", "none"]) == 5
+    assert "the address of r1 is not known" in capsys.readouterr().err
+    robots = ("-i", "inv.yml", "--facts", "facts.json")
+    (lab / "own.json").write_text(dump(proved(saved, owner)))
+    for file, words, db in (("p.json", robots, "192.0.2.1"), ("own.json", (), his), ("own.json", robots, his)):
+        assert run(["export", "compose", file, *words, "-o", f"{file}{len(words)}"]) == 0
+        hosts = services(lab / f"{file}{len(words)}" / "r2" / "compose.yml")["web"]["extra_hosts"]
+        assert isinstance(hosts, list) and f"db={db}" in hosts
 
 
 def test_an_export_copies_no_secret_key_or_password_unasked(
