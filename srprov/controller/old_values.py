@@ -14,6 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import msgspec
 from msgspec.structs import replace
 
+from srprov.controller.robot_files import is_record_path
 from srprov.facts.gather import Gathering
 from srprov.modules import MODULES
 from srprov.modules.differences import HIDDEN
@@ -43,8 +44,9 @@ class _Asked(msgspec.Struct, frozen=True):
 
 
 def with_differences(
-    steps: Sequence[Step], observed: Mapping[str, Iterable[Observed]], wanted: Iterable[Resource], look: Gathering
-) -> tuple[Step, ...]:
+    steps: Sequence[Step], observed: Mapping[str, Iterable[Observed]], wanted: Iterable[Resource], look: Gathering,
+    *, strange: bool = False,
+) -> tuple[Step, ...]:  # fmt: skip
     """Return the steps, each with the values that it changes.
 
     Args:
@@ -52,8 +54,10 @@ def with_differences(
         observed: Robot -> what was found there.
         wanted: All that should be true; the content of what is shipped stands in it.
         look: Asks the robots.
+        strange: Also what changes in srprov's own files, which follows from the definitions, but in a file of somebody
+            else's is his word: they tell services where the others are.
     """
-    asked = list(_asked(steps, observed))
+    asked = list(_asked(steps, observed, strange=strange))
     replies = _ask(look, [(one.host, one.queries) for one in asked])
     found = {
         one.step.id: MODULES[one.step.module].differences(one.step.want.params, one.item.state, said)
@@ -62,7 +66,9 @@ def with_differences(
     }
     homes = {one.step.id: one.host for one in asked}
     found = _with_contents(found, homes, wanted, look)
-    shown = {key: tuple(masked(one) for one in few) for key, few in found.items() if few}
+    # no secret is in an own file, and what looks like one would hide all that changes there
+    own = {one.step.id for one in asked if _is_own(one.step)}
+    shown = {key: few if key in own else tuple(map(masked, few)) for key, few in found.items() if few}
     return tuple(
         replace(step, differences=shown[step.id]) if step.want and step.id in shown else step for step in steps
     )
@@ -81,7 +87,13 @@ def _between_contents(one: Difference, blobs: Mapping[str, bytes]) -> Difference
     return _readable(one)
 
 
-def _asked(steps: Sequence[Step], observed: Mapping[str, Iterable[Observed]]) -> Iterable[_Asked]:
+def _is_own(step: Step) -> bool:
+    return MODULES[step.module].is_plumbing(step.name)
+
+
+def _asked(
+    steps: Sequence[Step], observed: Mapping[str, Iterable[Observed]], *, strange: bool
+) -> Iterable[_Asked]:  # fmt: skip
     there = {(host, one.module, one.name): (host, one) for host, items in observed.items() for one in items}
     moved = {
         (step.module, step.name): (step.host, step.found)
@@ -92,6 +104,8 @@ def _asked(steps: Sequence[Step], observed: Mapping[str, Iterable[Observed]]) ->
     for step in steps:
         place = there.get((step.host, step.module, step.name)) or moved.get((step.module, step.name))
         if step.want is None or place is None:
+            continue
+        if _is_own(step) and (not strange or is_record_path(step.name)):  # a record is compared with its own plan
             continue
         host, item = place
         queries = MODULES[step.module].old_queries(step.name, step.want.params, item.state)

@@ -180,7 +180,7 @@ def _derived(
     if saved.limit:
         steps = limited(replace(plan, steps=steps), saved.limit).steps
     filed = {step.number: step for step in plan.steps}
-    live = with_differences(steps, snapshot.observed, wants, look)
+    live = with_differences(steps, snapshot.observed, wants, look, strange=not ours)
     reviewed = tuple(as_reviewed(step, filed.get(step.number)) for step in live)
     changed = differences(_by_number(plan.steps), _by_number(reviewed, filed))
     if changed:

@@ -99,9 +99,8 @@ class FileModule(Module[FileParams]):
         return _OWN.fullmatch(name.rpartition("/")[2]) is not None
 
     def old_queries(self, name: str, want: FileParams, found: State) -> tuple[AnyQuery, ...]:
-        """Read the beginning of one that a user's playbook states."""
-        same = found["sha256"] == sha256_of(want.data)
-        return () if same or self.is_plumbing(name) else (read_start(name),)
+        """Read its beginning."""
+        return () if found["sha256"] == sha256_of(want.data) else (read_start(name),)
 
     def differences(self, want: FileParams, found: State, replies: Sequence[Reply]) -> tuple[Difference, ...]:
         """Compare line by line."""

@@ -26,8 +26,8 @@ _BARE = re.compile(r"[!-~](?:[ -~]*[!-~])?")
 
 
 def is_plumbing(step: Step) -> bool:
-    """Return whether a step is about what srprov makes for itself, and loses nothing."""
-    return MODULES[step.module].is_plumbing(step.name) and not step.change.destructive
+    """Return whether a step is about what srprov makes for itself, and loses nothing; and nothing is told of it."""
+    return MODULES[step.module].is_plumbing(step.name) and not (step.change.destructive or step.differences)
 
 
 def step_lines(steps: Sequence[Step], *, commands: bool) -> Iterator[str]:

@@ -15,6 +15,7 @@ from srprov.controller.request import PlanRequest
 from srprov.controller.saved import check_plan, plan_file
 from srprov.definitions.model import Definitions
 from srprov.errors import StalePlan, UsageError
+from srprov.modules import MODULES
 from srprov.planning.plan import Plan, Step, plan_json
 from srprov.planning.planfile import dump
 from srprov.planning.planhash import check_hash, expected_hash, plan_hash
@@ -352,3 +353,32 @@ def test_json_tells_old_and_new() -> None:
 
     (step,) = (step for step in plan_json(plan)["steps"] if step["module"] == "container")
     assert step["differences"] == [{"field": "environment.OLD", "old": "x", "new": None}]
+
+
+@pytest.mark.parametrize("beside", ["", "#-----BEGIN PRIVATE KEY-----\n#AAAA\n#-----END PRIVATE KEY-----\n"])
+def test_what_changes_in_srprovs_own_files_is_shown_of_a_plan_from_elsewhere(beside: str) -> None:
+    """Its writer could have one service take his host for another one, and the plan said `srprov's own file`."""
+    both = (service("db", robot="r1"), service("web", robot="r2"))
+    world = running(experiment(*both), "r2")
+    text = kept(world, experiment(*both, service("new", robot="r2")))
+    step = next(one for one in load(text, "plan.json").plan.steps if one.id == "r2/file:/var/lib/srprov/hello/hosts")
+    assert step.want is not None
+    lines = step.want.params.text.splitlines(keepends=True)
+    his = "".join("203.0.113.9\tdb\n" if line.endswith("\tdb\n") else line for line in lines) + beside
+    written = {**step.want.written, "content": his}
+    want = replace(step.want, params=replace(step.want.params, content=his), written=written)
+    change = MODULES["file"].check(want.name, want.params, step.change.before)
+    assert change is not None
+    saved = load(text, "plan.json")
+    steps = tuple(replace(one, want=want, change=change) if one == step else one for one in saved.plan.steps)
+    shown = plan_text(check_plan(replace(saved, plan=replace(saved.plan, steps=steps)), fleet(world), adopt=True).plan)
+    assert "\n        +203.0.113.9\\tdb\n" in shown
+    assert "placement.json" not in shown
+    assert "203.0.113.9" not in plan_text(check_plan(saved, fleet(world), adopt=True).plan)
+
+
+def test_what_changes_in_srprovs_own_files_follows_from_the_definitions_here() -> None:
+    both = (service("db", robot="r1"), service("web", robot="r2"))
+    world = running(experiment(*both), "r2")
+    plan = plan_for(world, experiment(*both, service("new", robot="r2")), adopt=True)
+    assert "srprov's own file" in plan_text(plan) and "content:" not in plan_text(plan)
