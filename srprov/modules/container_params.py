@@ -14,6 +14,8 @@ from srprov.modules.params import ParameterError
 
 _MOST_PORTS = 4
 """So many are named in a line of a plan."""
+KEPT = frozenset({"ROS_STATIC_PEERS"})
+"""Variables whose values are no part of a container's hash, nor of what a plan tells: others would be hidden there."""
 
 
 class NetworkPlace(msgspec.Struct, frozen=True, kw_only=True):
@@ -61,6 +63,8 @@ class ContainerParams(msgspec.Struct, frozen=True, kw_only=True):
             raise ParameterError("network", "network: both needs 'ip'")
         if self.run.mounts:
             raise ParameterError("run", "run: mounts stand beside it, in the engine's form")
+        if strange := sorted(self.made_with.keys() - KEPT):
+            raise ParameterError("made_with", f"made_with: no container keeps {strange[0][:60]!r}")
         if any(not one or one.split() != [one] for one in self.taken):  # words of a label
             raise ParameterError("taken", "taken: no variable has such a name")
         if wrong := next(run_limits.broken(self.run), ""):

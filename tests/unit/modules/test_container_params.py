@@ -1,0 +1,24 @@
+"""What a playbook or a plan file may say of a container beside its run-time fields."""
+
+from __future__ import annotations
+
+import pytest
+
+from srprov.modules.container_params import KEPT, ContainerParams
+from srprov.modules.params import ParameterError
+from tests.resources import resource
+
+SAID = {
+    "instance": "hello", "source": "lab@desk:e", "service": "web", "image": "busybox", "hostname": "web", "job": False,
+    "run": {}, "mounts": [], "network": {"mode": "none"}, "api": "1.41",
+}  # fmt: skip
+
+
+def test_only_the_list_of_peers_is_kept_out_of_what_a_plan_shows() -> None:
+    """A plan told `RATE: 2 -> 4` of a container that a stranger's file made anew, and nothing of a second variable."""
+    assert frozenset({"ROS_STATIC_PEERS"}) == KEPT  # network/discovery.py gives it
+    kept = resource("container", "srprov.hello.web", {**SAID, "made_with": {"ROS_STATIC_PEERS": "a;b"}})
+    assert isinstance(kept.params, ContainerParams)
+    for made_with in ({"PERL5OPT": "-Mx"}, {"ROS_STATIC_PEERS": "a", "LD_PRELOAD": "/x"}):
+        with pytest.raises(ParameterError, match="no container keeps"):
+            resource("container", "srprov.hello.web", {**SAID, "made_with": made_with})
