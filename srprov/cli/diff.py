@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from srprov.cli import inputs, options
 from srprov.cli.codes import DIFFERENCES
-from srprov.cli.output import out
+from srprov.cli.output import clean, out_whole
 from srprov.cli.plan import show_plan
 from srprov.cli.stdout_guard import answers_only
 from srprov.cli.stored_facts import stored_facts
@@ -54,7 +54,7 @@ def diff(
     with answers_only():
         made = compared(before, after, inventory, snapshot, request)
     if form == "markdown" and not as_json:
-        out(plan_markdown(made, commands=verbose).rstrip())
+        out_whole(plan_markdown(made, commands=verbose, hide=clean).rstrip())
     else:
         show_plan(made, plan_json(made) if as_json or form == "json" else None, verbose=verbose)
     return DIFFERENCES if detailed_exitcode and not made.empty else 0

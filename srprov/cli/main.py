@@ -19,7 +19,7 @@ from srprov.cli import output
 from srprov.cli.codes import BUG, INTERRUPTED, USAGE
 from srprov.cli.config import default_map
 from srprov.cli.interrupt import as_interrupt
-from srprov.cli.output import Answer, err, print_uncaught
+from srprov.cli.output import Answer, err, err_whole, print_uncaught
 from srprov.cli.streams import lost, protect_standard_streams
 from srprov.cli.variables import name_variables
 from srprov.codes import Code
@@ -178,7 +178,8 @@ def show_error(error: SrprovError) -> None:
     else:
         robot = error.host if isinstance(error, TransportError) else ""
         who = f"{robot}: " if robot and robot not in error.message else ""
-        err(f"error[{error.code}]: {who}{error.message}")
+        tell = err_whole if error.code is Code.NOT_ALLOWED else err
+        tell(f"error[{error.code}]: {who}{error.message}")
     if isinstance(error, NoAssignment):
         for service, reasons in sorted(error.misses.items()):
             for robot, reason in sorted(reasons.items()):

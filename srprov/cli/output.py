@@ -14,7 +14,7 @@ import sys
 import threading
 import traceback
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, TextIO
 
@@ -55,7 +55,15 @@ def clean(text: str) -> str:
 
     A control character in the middle of a secret hides it from the first look, and one in the secret from the second.
     """
-    return _NO_CHARACTER.sub("\ufffd", redact(_CONTROL.sub("", redact(text))))
+    return printable(redact(_CONTROL.sub("", redact(text))))
+
+
+def printable(text: str) -> str:
+    """Return text as `clean` does, with whatever looks like a secret: for what says the same whatever a secret is.
+
+    What an experiment asks for is such: a stranger chooses what his secrets are, and could hide it otherwise.
+    """
+    return _NO_CHARACTER.sub("\ufffd", _CONTROL.sub("", text))
 
 
 def out(text: str) -> None:
@@ -63,9 +71,9 @@ def out(text: str) -> None:
     click.echo(clean(text))
 
 
-def out_painted(text: str, paint: Callable[[str], str]) -> None:
-    """Print an answer, on a terminal with colors: `paint` adds them to the clean text."""
-    shown = clean(text)
+def out_whole(text: str, paint: Callable[[str], str] = str) -> None:
+    """Print an answer that is without secrets where it may hold one, as it is; on a terminal `paint` adds colors."""
+    shown = printable(text)
     click.echo(paint(shown) if wants_color(sys.stdout) else shown)
 
 
@@ -90,8 +98,17 @@ def out_json_line(value: object) -> None:
 
 def out_json(value: object) -> None:
     """Print an answer as one JSON document. Secrets are replaced in its texts, so that it stays JSON."""
+    _out_json(redacted(value))
+
+
+def out_json_whole(value: Mapping[str, object], whole: Collection[str]) -> None:
+    """Print a JSON document of which some keys hold what `printable` is for."""
+    _out_json({key: one if key in whole else redacted(one) for key, one in value.items()})
+
+
+def _out_json(value: object) -> None:
     expect(Answer.WHOLE)
-    click.echo(_CONTROL.sub("", json.dumps(redacted(value), indent=2)))
+    click.echo(_CONTROL.sub("", json.dumps(value, indent=2)))
 
 
 def line_of(value: object) -> str:
@@ -102,6 +119,11 @@ def line_of(value: object) -> str:
 def err(text: str, color: str | None = None) -> None:
     """Print progress, a note or an error; `color` is one of click's names and only srprov's own."""
     _print_err(clean(text), color)
+
+
+def err_whole(text: str) -> None:
+    """Print an error that says what `printable` is for."""
+    _print_err(printable(text), None)
 
 
 def _echo_err(text: str, color: str | None) -> None:

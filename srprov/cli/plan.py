@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from srprov import private
 from srprov.cli import inputs, key_options, options
 from srprov.cli.codes import DIFFERENCES, UNREACHABLE
-from srprov.cli.output import err, out, out_json, out_painted
+from srprov.cli.output import clean, err, out, out_json_whole, out_whole
 from srprov.cli.output_options import writable
 from srprov.cli.stdout_guard import answers_only
 from srprov.cli.target_options import shown_part, targeting
@@ -87,7 +87,7 @@ def plan(
     if target:
         write_plan(target, kept_plan(planned), vault, definitions.variables, sign)
     if form == "markdown" and not as_json:
-        out(plan_markdown(made, commands=verbose).rstrip())
+        out_whole(plan_markdown(made, commands=verbose, hide=clean).rstrip())
     else:
         show_plan(made, shown_json(made) if as_json or form == "json" else None, verbose=verbose, reviewed=True)
     if made.unreachable and unreachable == "fail":
@@ -158,16 +158,17 @@ def show_plan(
     One that is `reviewed`, and done later, has its hash, and a word on a placement that may be another one by then.
     """
     from srprov.cli.plan_colors import painted
+    from srprov.planning.plan import ASKED
     from srprov.planning.planhash import plan_hash
     from srprov.planning.text import plan_text, summary
 
     if as_json is None:
-        text = plan_text(made, commands=verbose).rstrip()
-        out_painted(text, painted if color else str)
+        text = plan_text(made, commands=verbose, hide=clean).rstrip()
+        out_whole(text, painted if color else str)
         if reviewed and not made.empty:
             out(f"Its hash, for `apply --expect`: {plan_hash(made)}")
         if reviewed and made.chosen:
             out("The placement was chosen by how the robots are at this moment; `plan -o FILE` keeps it for `apply`.")
     else:
-        out_json(as_json)
+        out_json_whole(as_json, ASKED)
         err(summary(made))

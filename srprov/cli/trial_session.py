@@ -13,7 +13,7 @@ import msgspec
 from srprov.cli import inputs, output_options
 from srprov.cli.execute import confirm
 from srprov.cli.interrupt import soft_interrupt
-from srprov.cli.output import Answer, err, expect, is_terminal, out, out_json
+from srprov.cli.output import Answer, err, expect, is_terminal, out, out_json, out_whole
 from srprov.cli.plan import show_plan
 from srprov.cli.progress import progress
 from srprov.cli.status_line import status_line
@@ -107,11 +107,11 @@ def run_session(
         plan = trial_plan(planned, inventory, request.policies, resume=wanted.resume)
         if not manner.as_json and not (manner.yes and output_options.is_quiet()):
             show_plan(plan.base.plan, None, verbose=False)
-            out(f"\n{in_words(plan)}")
+            out_whole(f"\n{in_words(plan)}")
             if size := size_note(plan.given):
                 out(f"\n{size}")
             for heading, lines in more(planned.snapshot) if planned.snapshot else ():
-                out("\n".join([f"\n{heading}:\n", *(f"  {visible(line[:_LONGEST])}" for line in lines)]))
+                out_whole("\n".join([f"\n{heading}:\n", *(f"  {visible(line[:_LONGEST])}" for line in lines)]))
         permit_run(planned.plan, request.allowed, inventory, request.policies)
         confirm(plan.base.plan, manner.yes, manner.stop_timeout, " and run the trials")
         run_options = RunOptions(

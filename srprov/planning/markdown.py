@@ -16,7 +16,7 @@ from srprov.errors import visible
 from srprov.names import few
 from srprov.planning.plan import Plan, Step
 from srprov.planning.planhash import plan_hash
-from srprov.planning.steptext import difference_lines, is_plumbing, numbers, own, value
+from srprov.planning.steptext import Hide, difference_lines, hidden_lines, is_plumbing, numbers, own, value
 from srprov.planning.text import summary
 from srprov.resource import Difference
 
@@ -45,17 +45,17 @@ class _Group(msgspec.Struct, frozen=True):
         return few([escaped(step.host) for step in self.steps], _MOST_ROBOTS)
 
 
-def plan_markdown(plan: Plan, *, commands: bool = False) -> str:
+def plan_markdown(plan: Plan, *, commands: bool = False, hide: Hide = str) -> str:
     """Return the plan as Markdown: the summary first, then values, then all steps in a table that folds away.
 
-    With `commands`, what srprov makes for itself has a row of its own too.
+    With `commands`, what srprov makes for itself has a row of its own too. `hide` is as for `plan_text`.
     """
-    head = [*_head(plan)]
+    head = [*_head(plan, hide)]
     text = _fitted(head, LONGEST - _FOR_THE_END, "lines")
     groups = _groups(step for step in plan.steps if commands or not is_plumbing(step))
     left = LONGEST - _FOR_THE_END - len(text)
-    table = _fitted(_rows(groups), left * 2 // 3, "rows") if plan.steps else ""
-    values = _fitted(_values(groups), left - len(table), "changed values")
+    table = _fitted(_rows(groups, hide), left * 2 // 3, "rows") if plan.steps else ""
+    values = _fitted(_values(groups, hide), left - len(table), "changed values")
     folded = [] if commands else [step for step in plan.steps if is_plumbing(step)]
     return text + values + (_folding(plan, table, folded) if plan.steps else "")
 
@@ -78,7 +78,7 @@ def _fitted(pieces: Iterable[str], most: int, what: str) -> str:
     return "".join(shown) + (f"\n*… and {missing} more {what}: `srprov plan` shows them.*\n\n" if missing else "")
 
 
-def _head(plan: Plan) -> Iterator[str]:
+def _head(plan: Plan, hide: Hide) -> Iterator[str]:
     yield f"### srprov plan: {escaped(plan.instance)}"
     if any(step.commands for step in plan.steps):  # else there is nothing to be done, or it cannot be
         yield f"<!-- srprov-plan sha256:{plan_hash(plan)} -->"
@@ -97,7 +97,7 @@ def _head(plan: Plan) -> Iterator[str]:
     for move in plan.data:
         yield f"- **data**: {escaped(move.text)}"
     for host, reason in sorted(plan.unreachable.items()):
-        yield f"- unreachable: {escaped(host)}: {escaped(reason)}"
+        yield f"- unreachable: {escaped(host)}: {hide(escaped(reason))}"
     for note in plan.notes:
         yield f"- {escaped(note)}"
     if plan.permissions or plan.playbooks or plan.data or plan.unreachable or plan.notes:
@@ -125,11 +125,11 @@ def _groups(steps: Iterable[Step]) -> list[_Group]:
     return [_Group(tuple(few)) for few in found.values()]
 
 
-def _values(groups: Iterable[_Group]) -> Iterator[str]:
+def _values(groups: Iterable[_Group], hide: Hide) -> Iterator[str]:
     """Return a piece per group that changes values."""
     for group in groups:
         if group.first.differences:
-            lines = [line for one in group.first.differences for line in _changed(one)]
+            lines = [line for one in group.first.differences for line in hidden_lines(_changed(one), hide)]
             fence = "`" * max(3, 1 + max(len(run) for line in lines for run in re.findall("`*", line)))
             title = f"**{escaped(group.first.module)} {escaped(group.first.name)}** on {group.robots}"
             yield "\n".join([title, "", f"{fence}diff", *lines, fence, ""])
@@ -148,11 +148,11 @@ def _changed(one: Difference) -> Iterator[str]:
         yield f"+ {visible(one.field)}: {value(one.new)}"
 
 
-def _rows(groups: Iterable[_Group]) -> Iterator[str]:
+def _rows(groups: Iterable[_Group], hide: Hide) -> Iterator[str]:
     """Return a row per group."""
     for group in groups:
         step = group.first
-        cause = escaped(step.change.cause) + (" **data is lost**" if step.change.destructive else "")
+        cause = hide(escaped(step.change.cause)) + (" **data is lost**" if step.change.destructive else "")
         what = escaped(f"{step.module} {step.name}")
         listed = few(numbers([one.number for one in group.steps]).replace("#", "").split(", "), _MOST_ROBOTS)
         yield f"| {listed} | {group.robots} | `{step.change.action.value}` | {what} | {cause} |"

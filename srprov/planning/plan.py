@@ -17,6 +17,9 @@ from srprov.planning.policy import Permission
 from srprov.resource import Action, Change, Difference, Need, Observed, Resource, resource_id
 from srprov.wire import Command, CopyImage, CopyVolume, EngineCall, Put, Run, SendData
 
+ASKED = frozenset({"instance", "source", "assignment", "permissions", "secrets", "playbooks", "data", "notes"})
+"""What of a plan's JSON says what is asked for, and where things go: it follows from no secret's value."""
+
 
 class Step(msgspec.Struct, frozen=True, kw_only=True):
     """One node of the plan."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TypeAlias
 
 from srprov.errors import visible
 from srprov.modules import MODULES
@@ -12,6 +13,8 @@ from srprov.modules.differences import line_diff
 from srprov.planning.plan import Step
 from srprov.resource import Action, Difference
 
+Hide: TypeAlias = Callable[[str], str]
+"""Takes secrets out of a text that may hold one."""
 WORDS = {
     Action.CREATE: "to add",
     Action.UPDATE: "to change",
@@ -30,13 +33,13 @@ def is_plumbing(step: Step) -> bool:
     return MODULES[step.module].is_plumbing(step.name) and not (step.change.destructive or step.differences)
 
 
-def step_lines(steps: Sequence[Step], *, commands: bool) -> Iterator[str]:
+def step_lines(steps: Sequence[Step], *, commands: bool, hide: Hide) -> Iterator[str]:
     """Return the lines of one robot's steps. `commands` adds what each runs, exactly, and folds nothing."""
     folded = [] if commands else [step for step in steps if is_plumbing(step)]
     hidden = {step.number for step in folded}
     for step in steps:
         if step.number not in hidden:
-            yield from _step(step, commands)
+            yield from _step(step, commands, hide)
     if folded:
         yield f"  {_symbol(folded)} {numbers([step.number for step in folded])} {own(folded)}"
 
@@ -96,21 +99,24 @@ def _symbol(steps: Sequence[Step]) -> str:
     return symbols.pop() if len(symbols) == 1 else Action.UPDATE.value
 
 
-def _step(step: Step, commands: bool) -> Iterator[str]:
+def _step(step: Step, commands: bool, hide: Hide) -> Iterator[str]:
     symbol = step.change.action.value
     after = [f"#{number}" for number in step.needs]
     after += [f"{need.id.rpartition('/')[0].split('/')[0]}'s {_short(need.id)} {need.condition}" for need in step.waits]
     needs = f"  [after {', '.join(after)}]" if after else ""
     danger = "  DATA IS LOST" if step.change.destructive else ""
-    yield f"  {symbol} #{step.number} {step.module} {step.name}: {step.change.cause}{danger}{needs}"
+    yield f"  {symbol} #{step.number} {step.module} {step.name}: {hide(visible(step.change.cause))}{danger}{needs}"
     for one in step.differences:
-        yield from (f"      {line}" for line in difference_lines(one))
-    if commands:
-        for command in step.commands:
-            first, *rest = command.text().splitlines() or [""]
-            yield f"      $ {first}"
-            for line in rest:
-                yield f"        {line}"
+        yield from hidden_lines((f"      {line}" for line in difference_lines(one)), hide)
+    for command in step.commands if commands else ():
+        first, *rest = command.text().splitlines() or [""]
+        lines = [f"      $ {first}", *(f"        {line}" for line in rest)]
+        yield from hidden_lines(map(visible, lines), hide)
+
+
+def hidden_lines(lines: Iterable[str], hide: Hide) -> list[str]:
+    """Return lines that belong together without secrets, also such as have a line's end in them."""
+    return hide("\n".join(lines)).split("\n")
 
 
 def _short(identity: str) -> str:

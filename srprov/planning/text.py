@@ -1,6 +1,7 @@
 """A plan as text, for people and for review. Pure.
 
-Sorted, without times or random ids, so that equal plans give equal bytes.
+Sorted, without times or random ids, so that equal plans give equal bytes. What is asked for, and where things go, is
+shown as the files say it: a stranger chooses what his secrets are, and none of them hides a line of it.
 """
 
 from __future__ import annotations
@@ -9,13 +10,16 @@ from collections.abc import Iterator
 
 from srprov.errors import visible
 from srprov.planning.plan import Plan, Step
-from srprov.planning.steptext import WORDS, step_lines
+from srprov.planning.steptext import WORDS, Hide, step_lines
 
 
-def plan_text(plan: Plan, *, commands: bool = False) -> str:
-    """Return the plan as lines. `commands` adds what each step runs, exactly, and folds no plumbing."""
+def plan_text(plan: Plan, *, commands: bool = False, hide: Hide = str) -> str:
+    """Return the plan as lines. `commands` adds what each step runs, exactly, and folds no plumbing.
+
+    `hide` takes secrets out of what may hold one: values, commands, and what robots say.
+    """
     # names and causes come from robots, and must not write lines of their own
-    return "\n".join(visible(line) for line in _lines(plan, commands)) + "\n"
+    return "\n".join(visible(line) for line in _lines(plan, commands, hide)) + "\n"
 
 
 def summary(plan: Plan) -> str:
@@ -31,7 +35,7 @@ def summary(plan: Plan) -> str:
     return f"Plan: {', '.join(parts)}; {plan.unchanged} unchanged."
 
 
-def _lines(plan: Plan, commands: bool) -> Iterator[str]:
+def _lines(plan: Plan, commands: bool, hide: Hide) -> Iterator[str]:
     yield f"Instance {plan.instance}" + (f" (from {plan.source})" if plan.source else "")
     if plan.permissions:
         yield ""
@@ -61,14 +65,14 @@ def _lines(plan: Plan, commands: bool) -> Iterator[str]:
     for host, steps in sorted(by_robot.items()):
         yield ""
         yield host
-        yield from step_lines(steps, commands=commands)
+        yield from step_lines(steps, commands=commands, hide=hide)
     if plan.unreachable or plan.notes:
         yield ""
     for host, reason in sorted(plan.unreachable.items()):
         first, *hints = reason.splitlines() or [""]
-        yield f"unreachable: {host}: {first}"
+        yield f"unreachable: {host}: {hide(visible(first))}"
         if words := " ".join(" ".join(hints).split()):  # in a plan file it may be any text: it gets one line
-            yield f"  hint: {words}"
+            yield f"  hint: {hide(visible(words))}"
     for note in plan.notes:
         yield f"note: {note}"
     yield ""
