@@ -164,6 +164,8 @@ def _data(plan: PlanView | None, result: ResultView | None) -> Html:
     head_line = f"{counted(len(lost), 'step')} {verb} data" if lost else "Data of services that move"
     kind = "bad" if lost else "warn" if moved else "ok"
     items = [*_lost(lost, ends), *(el("span", _move(one)) for one in plan.data[:_MOST_LOST])]
+    if len(plan.data) > _MOST_LOST:
+        items.append(f"data of {len(plan.data) - _MOST_LOST} more, in the data of this page")
     return el("div", el("b", head_line), listed(items), class_=f"box {kind}")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sized
 
 from srprov.report.html import NOTHING, Child, Html, el, join
 from srprov.report.material import Material
@@ -49,7 +49,13 @@ def _sentence(made: DecisionView | None, material: Material) -> Html:
     if made.frozen:
         words.append(f"{ranges(made.frozen)} stay on robots that cannot be reached.")
     notes = listed(made.notes[:_MOST_ROWS]) if made.notes else NOTHING
-    return join([el("p", " ".join(words)), notes])
+    return join([el("p", " ".join(words)), notes, _more(made.notes)])
+
+
+def _more(rows: Sized) -> Html:
+    """Return how many rows a page leaves out, if any: who reviews a plan by it must know that there are some."""
+    more = len(rows) - _MOST_ROWS
+    return el("p", f"and {more} more, in the data of this page") if more > 0 else NOTHING
 
 
 def _matrix(placed: Mapping[str, str], made: DecisionView | None) -> Html:
@@ -93,8 +99,7 @@ def _list(placed: Mapping[str, str], costs: Mapping[str, float], made: DecisionV
     ]
     head = ["service", "robot", "cost", *(("cpu", "memory", "swap", "bandwidth") if terms else ())]
     shown = table("Where each service runs", head, [row[: len(head)] for row in rows], numbers=range(2, len(head)))
-    more = len(named) - _MOST_ROWS
-    rest = el("p", f"and {more} more, in the data of this page") if more > 0 else NOTHING
+    rest = _more(named)
     small = made is None or not made.matrix
     return (
         join([shown, rest]) if small else fold(f"What the costs of {counted(len(named), 'service')} are made of", shown)
@@ -122,7 +127,7 @@ def _reasons(made: DecisionView | None) -> Html:
             return el("p", "Every robot that was reached could run every service.", class_="soft")
         return el("p", "This record does not say what other robots would have cost.", class_="soft")
     shown = table("Why not there", ["service", "not on", "because"], rows[:_MOST_ROWS], kind="long")
-    return fold(f"Why not elsewhere: {counted(len(rows), 'reason')}", shown)
+    return fold(f"Why not elsewhere: {counted(len(rows), 'reason')}", shown, _more(rows))
 
 
 def asks(material: Material) -> Section | None:
@@ -138,9 +143,11 @@ def _asks(plan: PlanView) -> Iterator[Html]:
     if plan.permissions:
         rows = [[one.kind, one.service, one.what] for one in plan.permissions]
         yield table("Asked for beyond its own containers", ["kind", "service", "what"], rows[:_MOST_ROWS], kind="long")
+        yield _more(rows)
     if plan.playbooks:
         rows = [[one.name, one.place, one.file] for one in plan.playbooks]
         yield table("Playbooks beside srprov's own", ["playbook", "place", "file"], rows[:_MOST_ROWS], kind="long")
+        yield _more(rows)
     if plan.secrets:
         yield el("p", f"Secrets, whose values are nowhere in here: {ranges(plan.secrets, 50)}.")
     if plan.limit:
@@ -148,3 +155,4 @@ def _asks(plan: PlanView) -> Iterator[Html]:
     if plan.notes:
         yield el("h3", "Notes")
         yield listed(plan.notes[:_MOST_ROWS])
+        yield _more(plan.notes)

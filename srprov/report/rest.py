@@ -61,6 +61,8 @@ def images(material: Material, rows: Sequence[Row]) -> Section | None:
     if there:
         body = [[el("code", name), ranges(there[name], 50)] for name in sorted(there)[:_MOST]]
         parts.append(table("There already", ["image", "robots"], body, kind="long"))
+        if len(there) > _MOST:
+            parts.append(el("p", f"and {len(there) - _MOST} more"))
     if material.trials is not None and material.trials.images:
         named = sorted(material.trials.images.items())[:_MOST]
         body = [[service, el("code", name), el("code", about)] for service, (name, about) in named]

@@ -204,6 +204,20 @@ def test_a_plan_is_a_page_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert list(Draft202012Validator(data.schema("report")).iter_errors(said)) == [] and said["kind"] == "plan"
 
 
+def test_what_a_page_of_a_plan_leaves_out_is_counted(tmp_path: Path) -> None:
+    """Who reviews a plan by its page, and applies it by its hash, sees what is asked for, or that there is more."""
+    plan = a_run(2)["plan.json"]
+    move = {"service": "node-1", "volume": "maps", "source": "robot1", "target": "robot2", "how": "move"}
+    plan["permissions"] = [{"kind": "host-path", "service": "node-1", "what": f"/srv/{at:04}"} for at in range(2003)]
+    plan["notes"] = [f"a note {at}" for at in range(2004)]
+    plan["playbooks"] = [{"name": f"{at}.yml", "file": f"/x/{at}.yml", "place": "before"} for at in range(2005)]
+    plan["data"] = [move] * 506
+    (tmp_path / "plan.json").write_text(json.dumps(plan))
+    text = page_of(tmp_path / "plan.json", tmp_path / "page.html").text
+    assert all(f"and {more} more, in the data of this page" in text for more in (3, 4, 5))
+    assert "data of 6 more, in the data of this page" in text
+
+
 def test_a_bundle_has_its_trials_and_what_each_robot_would_have_cost(tmp_path: Path) -> None:
     page = page_of(RACE, tmp_path / "page.html")
     loads_nothing(page)
