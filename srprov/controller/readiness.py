@@ -24,7 +24,7 @@ from srprov.facts.model import HostFacts, Snapshot, TakenPort
 from srprov.facts.probes import INFO
 from srprov.facts.taken import QUERIES, taken_ports
 from srprov.modules import RUNNING
-from srprov.modules.mount_kind import GRAVE, mount_kind, plain, written_by
+from srprov.modules.mount_kind import GRAVE, gives_away, mount_kind, plain, written_by
 from srprov.planning.plan import Step
 from srprov.resource import Action
 from srprov.robot_answers import TooManyError
@@ -215,7 +215,8 @@ def _still_writable(robot: HostFacts, services: Sequence[Service], said: Sequenc
         if points:
             shown = ", ".join(map(text, points[:_MOST_NAMED])) + (" and more" if len(points) > _MOST_NAMED else "")
             what = f"{source} is read-only for '{only[source]}', but what is mounted below it is not"
-            yield f"{robot.name}: {what}: {shown}"
+            grave = any(why for _, why in map(mount_kind, points))
+            yield f"{robot.name}: {what}: {shown}{f' ({gives_away(read_only=False)})' if grave else ''}"
 
 
 def _written(services: Iterable[Service]) -> set[str]:

@@ -37,13 +37,16 @@ A closed list, as no list of the other folders would ever be whole. People's hom
 is in `~/bin`; nor is what lies below /tmp, where tmux and agents of keys have sockets. Hidden files are settings.
 """
 _PUBLIC = re.compile(
-    r"/(?:usr|lib[^/]*|s?bin|sys|opt/ros)(?:/.*)?"
+    r"/(?:usr|lib[^/]*|s?bin|opt/ros)(?:/.*)?|/sys/(?:block|bus|class|dev|devices|module)(?:/.*)?"
     r"|/etc/(?:localtime|timezone|hostname|hosts|machine-id|os-release|passwd|group)",
     re.DOTALL,
 )
-"""What everybody may read, and where nobody listens. A closed list, too: elsewhere may be keys, or sockets."""
+"""What everybody may read, and where nobody listens. A closed list, too: elsewhere may be keys, or sockets.
+
+Not all of /sys is: below it is mounted what the kernel shows root alone, such as the keys that are typed."""
 _BELIEVED = "root may run or believe what is written there"
 _READ = "a key there may let somebody in, and a socket there may do as root what it is told"
+_KERNELS = "what the kernel tells root alone is below it, such as keys of radios, and what is typed at the robot"
 """A socket answers whoever reaches it, also where nothing can be written; so a shell in tmux takes keystrokes."""
 _MOUNTS = "an engine with containerd's store mounts images there, as root, where links lead"
 _MOUNTED_IN = "/tmp"  # noqa: S108 - the robot's own
@@ -71,6 +74,8 @@ def mount_kind(source: str, *, read_only: bool = False) -> tuple[str, str]:
     if any(f"{path}/".startswith(f"{one}/") for one in _OF_ROOT):
         return "host-path", "who is root there tells systemd what to run, as root"
     if read_only:
+        if path == "/sys" or path.startswith(("/sys/kernel", "/sys/fs")):
+            return "host-path", _KERNELS
         return "host-path", "" if _PUBLIC.fullmatch(path) or _DATA.fullmatch(path) else gives_away(read_only=True)
     if path == _MOUNTED_IN:
         return "host-path", f"{_MOUNTS}; {_BELIEVED}"

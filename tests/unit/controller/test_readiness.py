@@ -154,3 +154,12 @@ def test_what_stays_writable_below_a_path_that_is_mounted_read_only_is_said_in_t
     assert not plan_for(
         world, experiment(service("a", mounts=(Mount(kind="bind", source="/srv/log", target="/x"),)))
     ).notes
+
+
+def test_what_stays_writable_and_is_believed_by_root_is_said_to_be() -> None:
+    """Such as groups of processes below `/sys`: by their files a container leaves the rules for its devices."""
+    world = World().add("r1", api="1.41")
+    world.robots["r1"].mounts = "41 23 0:40 / /sys/fs/cgroup/devices rw - cgroup cgroup rw,devices\n"
+    mounts = (Mount(kind="bind", source="/sys", target="/x", read_only=True),)
+    (note,) = plan_for(world, experiment(service("a", mounts=mounts))).notes
+    assert "is not: /sys/fs/cgroup/devices (root may run or believe what is written there)" in note

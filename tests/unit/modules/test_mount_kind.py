@@ -260,7 +260,17 @@ def test_what_is_mounted_read_only_may_hold_keys_and_sockets(path: str) -> None:
     assert kind == "host-path" and "a key there" in why and "a socket there" in why
 
 
-@pytest.mark.parametrize("path", ["/etc/localtime", "/usr/share/zoneinfo", "/lib/modules", "/sys", "/opt/ros/humble"])
+@pytest.mark.parametrize("path", ["/sys", "//sys/", "/sys/kernel", "/sys/kernel/debug/hid", "/sys/fs/pstore"])
+def test_what_the_kernel_tells_root_alone_is_said(path: str) -> None:
+    """debugfs, which systemd mounts below /sys on every robot, has keys of radios and events of keyboards."""
+    kind, why = mount_kind(path, read_only=True)
+    assert kind == "host-path" and "root alone" in why and "typed" in why
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["/etc/localtime", "/usr/share/zoneinfo", "/lib/modules", "/sys/class/gpio", "/sys/devices", "/opt/ros/humble"],
+)
 def test_of_what_everybody_may_read_nothing_is_said(path: str) -> None:
     assert mount_kind(path, read_only=True) == ("host-path", "")
 
