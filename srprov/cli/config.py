@@ -26,12 +26,11 @@ from typing import Any
 import msgspec
 
 from srprov import regular_file
-from srprov.believed import is_out_of_reach
 from srprov.cli.standing import stand
 from srprov.cli.toml_text import check_parts, line
+from srprov.cli.whose_settings import check_owner
 from srprov.codes import Code
 from srprov.errors import UsageError, did_you_mean
-from srprov.whose import others_may_write
 
 PROJECT_KEYS = frozenset(
     ("inventory", "forks", "timeout", "wait-timeout", "settle", "lock-wait", "time-limit", "max-fail", "format",
@@ -180,30 +179,11 @@ def _read(file: ConfigFile, verbs: Mapping[str, Any]) -> tuple[dict[str, Any], s
         table = table.get(name, {}) if isinstance(table, dict) else {}
     if not isinstance(table, dict) or not table:
         return {}, ""
-    _check_owner(file.path, about)
-    if file.own and not is_out_of_reach(file.path):
-        raise UsageError(
-            f"{file.path} could be replaced by other users, who may write to a folder above it",
-            hint="look at it, then take that right away: chmod go-w FOLDER",
-            code=Code.STRANGE_FILE,
-        )
+    check_owner(file.path, about, own=file.own)
     if faults := list(itertools.islice(_faults(file, table, verbs, text), _MOST_FAULTS)):
         hint = "say it on the command line" + ("" if file.own else ", or in your own ~/.config/srprov/srprov.toml")
         raise UsageError("\n".join(faults), hint=hint, code=Code.CONFIGURATION)
     return table, text
-
-
-def _check_owner(path: Path, about: os.stat_result) -> None:
-    if about.st_uid not in (0, os.geteuid()):
-        raise UsageError(
-            f"{path} belongs to another user, who could change what srprov does",
-            hint=f"look at it, then make it yours: chown {os.geteuid()} FILE",
-            code=Code.STRANGE_FILE,
-        )
-    if others_may_write(path, about):
-        raise UsageError(
-            f"{path} can be written by other users", hint="look at it, then: chmod go-w FILE", code=Code.STRANGE_FILE
-        )
 
 
 def _faults(file: ConfigFile, table: Mapping[str, Any], verbs: Mapping[str, Any], text: str) -> Iterator[str]:
