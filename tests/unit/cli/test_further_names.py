@@ -1,4 +1,4 @@
-"""An archive may give a file of the user's a further name (a hard link) in a project: no verb shows, ships or writes it.
+"""An archive may give a file of the user's a further name (a hard link) in a project: no verb shows or ships it.
 
 Each file that a project may have is such a link in turn, with words that can be read there and some that cannot.
 """
