@@ -14,7 +14,7 @@ import pytest
 from srprov.cli.main import run
 
 CANARY = "canary7731"
-WRONG = f"{CANARY} = [unclosed\n  {CANARY}\t{{ x \"{CANARY}\n"
+WRONG = f'{CANARY} = [unclosed\n  {CANARY}\t{{ x "{CANARY}\n'
 PROJECT = {
     "e.edf": """\
 edf: 1
