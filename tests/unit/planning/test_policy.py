@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from srprov.definitions.containermodel import ContainerDefinition, Logging, Mount
+from srprov.definitions.containermodel import ContainerDefinition, Logging, Mount, Runtime
 from srprov.definitions.model import NetworkSettings
 from srprov.definitions.secretmodel import SecretSource, SecretUse
 from srprov.planning.graver import EVERY_PROCESS, TOLD
@@ -105,6 +105,20 @@ ASKS: list[tuple[dict[str, Any], list[tuple[str, str]]]] = [
       "read_only": True, "cap_drop": ("ALL",), "cpuset": "0", "mem_reservation": 1, "stdin_open": True}, []),
     ({"restart": "no", "tty": True, "shm_size": 1, "ports": (("", 8080, 80, "tcp"),), "user": "0"}, []),
 ]  # fmt: skip
+
+
+OWN_PROCESS = frozenset(
+    ("command", "entrypoint", "environment", "working_dir", "group_add", "stop_signal", "stop_grace_s", "healthcheck",
+     "expose", "cpus", "mem_limit", "pids_limit", "pull_policy", "job")
+)  # fmt: skip
+"""Fields that say what a container's own process is, and how much of the robot it has at most; of no value is asked."""
+
+
+def test_of_every_field_of_a_container_it_is_known_whether_it_is_asked_for() -> None:
+    """A new one stands in the table above, or is one of a container's own process."""
+    told = {name for fields, _ in ASKS for name in fields} - {"network"}
+    assert told | OWN_PROCESS == set(Runtime.__struct_fields__)
+    assert not told & OWN_PROCESS
 
 
 @pytest.mark.parametrize(("fields", "asked"), ASKS)
