@@ -8,7 +8,10 @@ a container, which the robot takes for itself. Of an address of IPv4, and of all
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Iterator
 
+_Port = tuple[str, int, int, str]
+"""As in `containermodel`: address, published port, container port, protocol."""
 _IPV4 = re.compile(r"[0-9]{1,3}(\.[0-9]{1,3}){3}")
 ALIKE = {"::": "", "::1": "127.0.0.1"}
 """Address of IPv6 -> what is said in its place, of a container that was made otherwise."""
@@ -17,3 +20,18 @@ ALIKE = {"::": "", "::1": "127.0.0.1"}
 def may_be_published_at(address: str) -> bool:
     """Return whether it is an address of IPv4, or empty: all of the robot's, those of IPv6 too."""
     return not address or _IPV4.fullmatch(address) is not None
+
+
+def ranges(ports: Iterable[_Port]) -> Iterator[str]:
+    """Yield published ports as an EDF writes them, neighbours as one range: `127.0.0.1:9000-9010:9000-9010/udp`."""
+    first: _Port | None = None
+    count = 0
+    for port in (*ports, None):
+        if first and port == (first[0], first[1] + count, first[2] + count, first[3]):
+            count += 1
+            continue
+        if first:
+            at, out, into, kind = first
+            last = (f"-{out + count - 1}", f"-{into + count - 1}") if count > 1 else ("", "")
+            yield f"{at and at + ':'}{out}{last[0]}:{into}{last[1]}/{kind}"
+        first, count = port, 1

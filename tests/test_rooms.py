@@ -104,7 +104,7 @@ ROOMS: Mapping[str, Room] = {
     ),
     "planning": room(
         "codes errors hashing names untrusted resource wire secret image_reference modules facts.model"
-        " definitions.containermodel"
+        " plain_tar definitions.containermodel definitions.dockerfile"
         " definitions.model definitions.secretmodel network.identity"
     ),
     "execution": room(

@@ -11,9 +11,8 @@ import msgspec
 from srprov.definitions.containermodel import Runtime
 from srprov.modules import run_limits
 from srprov.modules.params import ParameterError
+from srprov.published import ranges
 
-_MOST_PORTS = 4
-"""So many are named in a line of a plan."""
 KEPT = frozenset({"ROS_STATIC_PEERS"})
 """Variables whose values are no part of a container's hash, nor of what a plan tells: others would be hidden there."""
 
@@ -76,9 +75,7 @@ class ContainerParams(msgspec.Struct, frozen=True, kw_only=True):
                 raise ParameterError("mounts", "mounts: no path holds a NUL")
 
     def publishes(self) -> str:
-        """Return which ports of the robot it takes, such as `; publishes 8080:80/tcp`, or nothing."""
+        """Return which ports of the robot it takes, all of them, such as `; publishes 8080:80/tcp`, or nothing."""
         if self.network.mode != "overlay" or not self.run.ports:
             return ""
-        shown = [f"{at and at + ':'}{port}:{inside}/{kind}" for at, port, inside, kind in self.run.ports]
-        more = f" and {len(shown) - _MOST_PORTS} more" if len(shown) > _MOST_PORTS else ""
-        return f"; publishes {', '.join(shown[:_MOST_PORTS])}{more}"
+        return f"; publishes {', '.join(ranges(self.run.ports))}"

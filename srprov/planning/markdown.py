@@ -16,7 +16,7 @@ from srprov.errors import visible
 from srprov.names import few
 from srprov.planning.plan import Plan, Step
 from srprov.planning.planhash import plan_hash
-from srprov.planning.steptext import Hide, difference_lines, hidden_lines, is_plumbing, numbers, own, value
+from srprov.planning.steptext import Hide, difference_lines, hidden_lines, is_plumbing, numbers, own, value, why
 from srprov.planning.text import summary
 from srprov.resource import Difference
 
@@ -120,7 +120,8 @@ def _groups(steps: Iterable[Step]) -> list[_Group]:
     found: dict[object, list[Step]] = {}
     for step in steps:
         change = step.change
-        key = (change.action, step.module, step.name, change.cause, change.destructive, step.differences)
+        why_ = why(step, str, str)
+        key = (change.action, step.module, step.name, why_, change.destructive, step.differences)
         found.setdefault(key, []).append(step)
     return [_Group(tuple(few)) for few in found.values()]
 
@@ -152,7 +153,7 @@ def _rows(groups: Iterable[_Group], hide: Hide) -> Iterator[str]:
     """Return a row per group."""
     for group in groups:
         step = group.first
-        cause = hide(escaped(step.change.cause)) + (" **data is lost**" if step.change.destructive else "")
+        cause = why(step, hide, escaped) + (" **data is lost**" if step.change.destructive else "")
         what = escaped(f"{step.module} {step.name}")
         listed = few(numbers([one.number for one in group.steps]).replace("#", "").split(", "), _MOST_ROBOTS)
         yield f"| {listed} | {group.robots} | `{step.change.action.value}` | {what} | {cause} |"

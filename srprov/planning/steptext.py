@@ -10,6 +10,7 @@ from typing import TypeAlias
 from srprov.errors import visible
 from srprov.modules import MODULES
 from srprov.modules.differences import line_diff
+from srprov.planning.brought import brought
 from srprov.planning.plan import Step
 from srprov.resource import Action, Difference
 
@@ -94,6 +95,12 @@ def value(text: str | None) -> str:
     return shown if len(shown) <= _LONGEST else f"{shown[: _LONGEST - 1]}…"
 
 
+def why(step: Step, hide: Hide, form: Callable[[str], str] = visible) -> str:
+    """Return the cause of a step without secrets, and what it makes, which no secret of a stranger's hides."""
+    made = brought(step)
+    return hide(form(step.change.cause.removesuffix(made))) + form(made)
+
+
 def _symbol(steps: Sequence[Step]) -> str:
     symbols = {step.change.action.value for step in steps}
     return symbols.pop() if len(symbols) == 1 else Action.UPDATE.value
@@ -105,7 +112,7 @@ def _step(step: Step, commands: bool, hide: Hide) -> Iterator[str]:
     after += [f"{need.id.rpartition('/')[0].split('/')[0]}'s {_short(need.id)} {need.condition}" for need in step.waits]
     needs = f"  [after {', '.join(after)}]" if after else ""
     danger = "  DATA IS LOST" if step.change.destructive else ""
-    yield f"  {symbol} #{step.number} {step.module} {step.name}: {hide(visible(step.change.cause))}{danger}{needs}"
+    yield f"  {symbol} #{step.number} {step.module} {step.name}: {why(step, hide)}{danger}{needs}"
     for one in step.differences:
         yield from hidden_lines((f"      {line}" for line in difference_lines(one)), hide)
     for command in step.commands if commands else ():

@@ -14,6 +14,7 @@ from srprov.definitions.containermodel import HealthCheck, Logging, Mount, Runti
 from srprov.modules import MODULES
 from srprov.modules.container_body import parts_of
 from srprov.modules.container_limits import changed_limits
+from srprov.published import ranges
 from srprov.resource import Action, Resource
 from srprov.wire import EngineCall
 from tests.conftest import examples
@@ -178,22 +179,31 @@ def test_limits_that_somebody_changed_are_named(found: dict[str, str], changed: 
 @pytest.mark.parametrize(
     ("mode", "count", "said"),
     [
-        ("overlay", 2, "not there; publishes 8000:80/tcp, 127.0.0.1:8001:80/tcp"),
+        ("overlay", 2, "; publishes 8000:80/tcp, 127.0.0.1:8001:80/tcp"),
         (
             "overlay",
             6,
-            "not there; publishes 8000:80/tcp, 127.0.0.1:8001:80/tcp, 8002:80/tcp, 127.0.0.1:8003:80/tcp and 2 more",
+            "; publishes 8000:80/tcp, 127.0.0.1:8001:80/tcp, 8002:80/tcp, 127.0.0.1:8003:80/tcp, 8004:80/tcp, "
+            "127.0.0.1:8005:80/tcp",
         ),
-        ("overlay", 0, "not there"),
-        ("host", 2, "not there"),
+        ("overlay", 0, ""),
+        ("host", 2, ""),
     ],
 )
 def test_the_plan_says_which_ports_of_the_robot_a_new_container_takes(mode: Any, count: int, said: str) -> None:
-    """In the host's network a port is only declared."""
+    """All: the last may be the one that the robot's own programs ask. In its network a port is only declared."""
     ports = tuple(("127.0.0.1" if number % 2 else "", 8000 + number, 80, "tcp") for number in range(count))
     want = replace(WANT.params, run=Runtime(ports=ports), network=replace(WANT.params.network, mode=mode))
     change = MODULES["container"].check(WANT.name, want, None)
-    assert change is not None and change.cause == said
+    assert change is not None and change.cause == f"not there; image busybox:latest{said}"
+
+
+def test_neighbours_among_published_ports_are_one_range() -> None:
+    at = "127.0.0.1"
+    ports = [("", 80, 80, "tcp"), ("", 81, 81, "tcp"), ("", 82, 83, "tcp"), (at, 83, 84, "tcp"), (at, 84, 85, "udp")]
+    assert list(ranges(ports)) == ["80-81:80-81/tcp", "82:83/tcp", "127.0.0.1:83:84/tcp", "127.0.0.1:84:85/udp"]
+    assert list(ranges(("", 9000 + one, 8000 + one, "udp") for one in range(1000))) == ["9000-9999:8000-8999/udp"]
+    assert not list(ranges(()))
 
 
 def test_an_image_fills_no_volume_that_its_container_reads_alone() -> None:
@@ -226,6 +236,6 @@ def test_the_plan_says_what_a_new_container_mounts_but_not_what_each_has() -> No
     change = MODULES["container"].check(WANT.name, replace(WANT.params, mounts=mounts), None)
     assert change is not None
     assert change.cause == (
-        'not there; mounts volume bag at /bag (read-only), "app, two.yml" at /etc/app.yml, '
+        'not there; image busybox:latest; mounts volume bag at /bag (read-only), "app, two.yml" at /etc/app.yml, '
         "the robot's /srv/maps at /maps, secret token at /run/secrets/token"
     )

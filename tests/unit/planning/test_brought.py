@@ -1,0 +1,88 @@
+"""What a plan's line says of a container, or an image, that is made: whole, whatever its author calls a secret."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from msgspec.structs import replace
+
+from srprov.cli.output import clean
+from srprov.definitions.containermodel import Mount
+from srprov.images.context import context_tar
+from srprov.modules import MODULES
+from srprov.modules.image import ImageParams
+from srprov.planning.markdown import plan_markdown
+from srprov.planning.plan import Plan, Step
+from srprov.planning.text import plan_text
+from srprov.resource import Action, Change, Resource
+from srprov.secret import Secret, forget
+from tests.fakes import World
+from tests.worlds import experiment, plan_for, service
+
+PRIVATE = "reg.lab.example/private/nav:1.2"
+LAST = "127.0.0.1:5000:5000/tcp"
+PORTS = (*(("", 8000 + 2 * one, 80, "tcp") for one in range(200)), ("127.0.0.1", 5000, 5000, "tcp"))
+TOLD = f"; image {PRIVATE}; publishes 8000:80/tcp, 8002:80/tcp, "
+
+
+@pytest.fixture(autouse=True)
+def _forget() -> Iterator[None]:
+    yield
+    forget()
+
+
+def step(action: Action, cause: str, want: Resource) -> Step:
+    change = Change(action=action, cause=cause)
+    return Step(number=1, host=want.host, module=want.module, name=want.name, change=change, want=want)
+
+
+def container() -> Resource:
+    """Return a container that somebody wants."""
+    bag = Mount(kind="volume", source="bag", target="/bag")
+    what = experiment(service("a", image=PRIVATE, ports=PORTS, mounts=(bag,)))
+    plan = plan_for(World().add("r1"), what)
+    return next(one.want for one in plan.steps if one.want is not None and one.module == "container")
+
+
+def built(context: bytes) -> Resource:
+    """Return an image that somebody wants."""
+    return replace(container(), module="image", name="srprov/a:1", params=ImageParams(source="build", blob=context))
+
+
+@pytest.mark.parametrize("action", [Action.CREATE, Action.REPLACE])
+def test_neither_a_length_nor_a_secret_hides_what_a_container_runs_and_publishes(action: Action) -> None:
+    want = container()
+    change = MODULES["container"].check(want.name, want.params, None)
+    assert change is not None
+    cause = change.cause if action is Action.CREATE else "ports differ"
+    for one in (cause, change.cause, LAST, PRIVATE, f"; image {PRIVATE}", "volume bag"):
+        Secret(one)
+    plan = Plan(instance="x", source="here", steps=(step(action, cause, want),))
+    line = next(one for one in plan_text(plan, hide=clean).splitlines() if "#1" in one)
+    assert TOLD in line and line.endswith(f", 8398:80/tcp, {LAST}; mounts volume bag at /bag")
+    text = plan_markdown(plan, hide=clean).replace("\\", "")
+    assert TOLD in text and f"{LAST}; mounts volume bag at /bag |" in text
+
+
+def test_a_cause_is_hidden_where_it_may_hold_a_secret() -> None:
+    """As one that a robot says."""
+    Secret("hunter2-is-a-password")
+    said = step(Action.REPLACE, "it said hunter2-is-a-password", container())
+    shown = plan_text(Plan(instance="x", source="here", steps=(said,)), hide=clean)
+    assert "hunter2" not in shown and f"it said ***; image {PRIVATE}" in shown
+
+
+def test_the_plan_says_what_an_image_is_built_of() -> None:
+    """A robot may have it by a login of its owner's."""
+    text = f"FROM {PRIVATE} AS one\nFROM debian:bookworm\nCOPY --from=one /x /x\nCOPY --from=tool:1 /y /y\n"
+    want = built(context_tar(text, ()))
+    Secret(PRIVATE)
+    shown = plan_text(Plan(instance="x", source="here", steps=(step(Action.CREATE, "built here", want),)), hide=clean)
+    assert f"built here; made of debian:bookworm, {PRIVATE}, tool:1" in shown
+
+
+@pytest.mark.parametrize("blob", [b"no tar", b"\0" * 1024])
+def test_a_context_that_is_none_says_nothing(blob: bytes) -> None:
+    plan = Plan(instance="x", source="here", steps=(step(Action.CREATE, "built here", built(blob)),))
+    assert "built here\n" in plan_text(plan)
