@@ -89,7 +89,9 @@ ASKS: list[tuple[dict[str, Any], list[tuple[str, str]]]] = [
     ({"logging": Logging(driver="journald")},
      [("logging", "driver journald: the engine sends what is printed into the robot's own journal")]),
     ({"logging": Logging(driver="local", options={"fluentd-address": "x"})}, [("logging", "option fluentd-address=x")]),
-    ({"logging": Logging(options={"fluentd-address": "x"})}, [("logging", f"option fluentd-address=x ({TOLD})")]),
+    *[({"logging": Logging(options={name: value})}, [("logging", f"option {name}={value} ({TOLD})")])
+      for name, value in [("fluentd-address", "x"), ("tag", "{{.Command}}"), ("env", "A"), ("labels", "a"),
+                          ("max-size", "1k")]],
     *[({"logging": Logging(driver="json-file", options={name: value})}, [("logging", f"option {name}={value}")])
       for name, value in [("tag", '{{pad "x" 300000000000 0}}'), ("tag", "{{.Name}}{{.Name | printf}}"), ("tag", ""),
                           ("max-size", "10"), ("max-size", "63k"), ("max-size", "-1"), ("max-file", "2000000000"),
@@ -99,7 +101,7 @@ ASKS: list[tuple[dict[str, Any], list[tuple[str, str]]]] = [
       for name, value in [("tag", "{{.ImageName}}/{{ .Name }}"), ("max-size", "64k"), ("max-size", "10MiB"),
                           ("max-size", "1000000"), ("max-file", "100"), ("compress", "true"), ("env", "A,B"),
                           ("labels", "org.x/y,z"), ("mode", "non-blocking")]],
-    *[({"logging": Logging(driver=one, options={"max-size": "1m", "max-file": "2"})}, [])
+    *[({"logging": Logging(driver=one, options={"max-size": "1m", "max-file": "2", "mode": "blocking"})}, [])
       for one in ("", "json-file", "local", "none")],
     ({"oom_score_adj": 5, "labels": {"a": "b"}, "hostname": "h", "extra_hosts": (("x", "host-gateway"),), "init": True,
       "read_only": True, "cap_drop": ("ALL",), "cpuset": "0", "mem_reservation": 1, "stdin_open": True}, []),
