@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from srprov.assignment.ports import declared, holders, missing_ports
 from srprov.assignment.requirements import kernel_fits
 from srprov.codes import Code
+from srprov.controller.device_links import graver_devices, where_they_lead
 from srprov.controller.other_names import USED, other_names, used
 from srprov.controller.robot_mounts import MOUNTS, Mounts
 from srprov.definitions.containermodel import Mount
@@ -93,8 +94,9 @@ def check_ready(
         UsageError: A folder is not there, or leads to what is graver to mount, or a port is somebody else's; names all.
     """
     new = _new_services(steps, placed.experiment)
-    replies = look.ask_each({robot: (_folders(services), MOUNTS, USED, *QUERIES) for robot, services in new.items()})
-    now = replace(snapshot, taken={robot: taken_ports(said[3:]) for robot, said in replies.items()})
+    asked = (MOUNTS, USED, *QUERIES)
+    replies = look.ask_each({robot: (_folders(some), *asked, where_they_lead(some)) for robot, some in new.items()})
+    now = replace(snapshot, taken={robot: taken_ports(said[3:-1]) for robot, said in replies.items()})
     held = holders({}, {}, of_others(now, instance, placed.experiment, placed.previous))
     missing = [line for robot, said in replies.items() for line in _missing(robot, new[robot], said[0])]
     taken = [
@@ -115,6 +117,7 @@ def check_ready(
         line for robot, said in replies.items() for line in _still_writable(snapshot.facts[robot], new[robot], said)
     ]
     others = [f"{robot}: {line}" for robot, said in replies.items() for line in _otherwise(new[robot], said)]
+    others += [f"{one}: {line}" for one, said in replies.items() for line in graver_devices(new[one], said[-1].out)]
     absent = (f"{line}, unless a playbook makes it" for line in missing)
     return (*absent, *(line for line, _ in led), *open_ones, *others)
 
@@ -136,12 +139,12 @@ def with_log_drivers(steps: Iterable[Step], snapshot: Snapshot, look: Gathering)
 
 
 def _new_services(steps: Iterable[Step], experiment: Experiment) -> dict[str, list[Service]]:
-    """Return robot -> services that get a container there which mounts the robot's folders or has its ports."""
+    """Return robot -> services that get a container there with folders, ports or devices of the robot's."""
     found: dict[str, list[Service]] = {}
     for step in steps:
         service = experiment.services.get(step.service)
         new = step.module in RUNNING and step.want and step.change.action in _NEW
-        if new and service and (declared(service) or any(_binds(service))):
+        if new and service and (declared(service) or any(_binds(service)) or service.runtime.devices):
             found.setdefault(step.host, []).append(service)
     return found
 

@@ -1,0 +1,48 @@
+"""Where the devices of new containers really are, as an engine follows links to them.
+
+A plan says of devices by their names what they give away, and a robot's own rules give any device another name:
+`/dev/lidar`, or `/dev/ubuntu-vg/root` of a disk. The robot says where these lead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from srprov.definitions.model import Service
+from srprov.modules.mount_kind import plain
+from srprov.planning.graver import of_device
+from srprov.untrusted import folder, lines_of
+from srprov.wire import Query, quote
+
+_MOST_LINES = 100_000
+_ANY = "it may be any device"
+
+
+def where_they_lead(services: Iterable[Service]) -> Query:
+    """Ask for the numbers of those devices that are not there, and where those lead that have a link in them."""
+    tests = [
+        f'[ -e {quote(path)} ] || echo {number}\nr=$(readlink -f {quote(path)}) && printf "%s %s\\n" {number} "$r"'
+        for number, path in enumerate(_users(services))
+    ]
+    return Query(command="\n".join([*tests, ":"]))
+
+
+def graver_devices(services: Iterable[Service], said: str) -> Iterator[str]:
+    """Yield a sentence for each device that is more than its name says, by what a robot says of where it is."""
+    users = _users(services)
+    led = dict(line.partition(" ")[::2] for line in lines_of(said, _MOST_LINES))
+    for number, (path, names) in enumerate(users.items()):
+        real = folder(led.get(str(number), ""))
+        if real in ("", path) or of_device(plain(path)):
+            continue  # it is where it seems to be, or that was said
+        if note := of_device(plain(real)) if real.startswith("/dev/") else _ANY:
+            yield f"the device {path}, which {' and '.join(names)} has, leads to {real} ({note})"
+
+
+def _users(services: Iterable[Service]) -> dict[str, list[str]]:
+    """Return device -> in words whose containers have it, sorted."""
+    found: dict[str, dict[str, None]] = {}
+    for service in services:
+        for path, _, _ in service.runtime.devices:
+            found.setdefault(path, {})[f"'{service.name}'"] = None
+    return {path: list(names) for path, names in sorted(found.items())}

@@ -1,0 +1,60 @@
+"""Where the devices of new containers lead, and what a plan says of it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from srprov.controller.device_links import graver_devices, where_they_lead
+from tests.fakes import World
+from tests.worlds import experiment, plan_for, service
+
+ROOT = "as good as root on the robot"
+
+
+def having(*paths: str, **fields: Any) -> Any:
+    return service("a", devices=tuple((path, path, "rwm") for path in paths), **fields)
+
+
+@pytest.mark.parametrize(
+    ("path", "real", "note"),
+    [
+        ("/dev/lidar", "/dev/uinput", f"may be {ROOT}"),
+        ("/dev/teleop", "/dev/input/event4", f"may be {ROOT}"),
+        ("/dev/ubuntu-vg/ubuntu-lv", "/dev/dm-0", f"a disk: {ROOT}, if it is the robot's own"),
+        ("/dev/arm", "/srv/data/tty", "it may be any device"),
+        ("/dev/lidar", "/dev/ttyUSB0", ""),
+        ("/dev/lidar", "/dev/lidar", ""),
+        ("/dev/uinput", "/dev/hidraw0", ""),  # which was said
+        ("/dev/lidar", "", ""),
+        ("/dev/lidar", "dev/mem", ""),
+    ],
+)
+def test_a_device_that_is_more_than_its_name_is_said_to_be(path: str, real: str, note: str) -> None:
+    said = list(graver_devices([having("/dev/aa", path)], f"0 /dev/aa\n1 {real}\n"))
+    assert said == ([f"the device {path}, which 'a' has, leads to {real} ({note})"] if note else [])
+
+
+def test_the_plan_says_so_of_each_robot_of_a_new_container() -> None:
+    """A robot's own rules give devices their names: what its keys are typed on, too."""
+    world = World().add("r1")
+    world.robots["r1"].leads = "/dev/uinput"
+    plan = plan_for(world, experiment(having("/dev/video0")))
+    assert f"r1: the device /dev/video0, which 'a' has, leads to /dev/uinput (may be {ROOT})" in plan.notes
+
+
+def test_a_shell_says_where_each_leads(tmp_path: Path) -> None:
+    one, other = tmp_path / "it's one", tmp_path / "other"
+    other.touch()
+    os.symlink("other", one)
+    query = where_they_lead([having(str(one), str(other), str(tmp_path / "gone"))])
+    out = subprocess.run(["sh", "-c", query.command], capture_output=True, text=True, check=True).stdout
+    assert out.splitlines() == ["0", f"0 {tmp_path}/gone", f"1 {other}", f"2 {other}"]
+    assert list(graver_devices([having(str(one), str(other))], f"0 {other}\n1 {other}\n")) == [
+        f"the device {one}, which 'a' has, leads to {other} (it may be any device)"
+    ]
+    assert where_they_lead([service("b")]).command == ":"
