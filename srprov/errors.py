@@ -16,8 +16,9 @@
     │  └─ DeadlineError          an answer did not come in time
     └─ LabError                  the embedded lab (3)
 
-Each message says what happened; `hint` says what to do next, and `code` which page explains it. A message may hold a
-robot's words: its further lines are indented, so that none of them passes for one of srprov's own.
+Each message says what happened; `hint` says what to do next, and `code` which page explains it. A message may hold
+a robot's words: further lines are indented, so that none passes for one of srprov's own. A TransportError has no hint
+but srprov's, which stands in the line behind its only one.
 """
 
 from __future__ import annotations
@@ -78,6 +79,11 @@ def visible(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def one_line(text: str) -> str:
+    """Return a text of several lines as one: a robot's second line would pass for a hint, a command to be copied."""
+    return visible("; ".join(line for part in text.splitlines() if (line := part.strip())))
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -201,8 +207,8 @@ class TransportError(SrprovError):
     exit_code = 4
 
     def __init__(self, host: str, message: str, *, code: Code, hint: str = "") -> None:
-        """Take the robot's name first; the message does not repeat it."""
-        super().__init__(message, code=code, hint=hint)
+        """Take the robot's name first; the message, which does not repeat it, becomes one line."""
+        super().__init__(one_line(message), code=code, hint=hint)
         self.host = host
 
 

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 
 from srprov.codes import Code
-from srprov.errors import UsageError
+from srprov.errors import UsageError, one_line
 from srprov.image_reference import parse_reference
 from srprov.planning.policy import Permission, require
 from srprov.untrusted import mapping, mappings, string
@@ -69,7 +69,7 @@ def _agreed(name: str, replies: Mapping[str, Reply]) -> Found:
     if not found:
         why = next((reply.err for reply in replies.values() if reply.err), "no robot with an engine answers")
         raise UsageError(
-            f"what {short} is now, no robot could learn from its registry: {why.strip()[:300]}", code=Code.NO_IMAGE
+            f"what {short} is now, no robot could learn from its registry: {one_line(why)[:300]}", code=Code.NO_IMAGE
         )
     if len({digest for digest, _ in found.values()}) > 1:
         told = ", ".join(f"{robot} {digest}" for robot, (digest, _) in found.items())

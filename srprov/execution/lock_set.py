@@ -16,7 +16,7 @@ from types import TracebackType
 
 import msgspec
 
-from srprov.errors import LockHeld, TransportError
+from srprov.errors import LockHeld, TransportError, one_line
 from srprov.execution.locks import SCRIPT, Claim, Holder, parse_holder
 from srprov.execution.options import MOST_AT_ONCE, RunOptions
 from srprov.execution.outcome import Event, Listener
@@ -195,7 +195,7 @@ class LockSet:
         elif word == "busy":
             self._holders[name] = parse_holder(rest)
         else:
-            self.lost[name] = f"it cannot be locked: {rest or answer}"
+            self.lost[name] = f"it cannot be locked: {one_line(rest or answer)}"
 
     def _keep(self, name: str, channel: LockChannel) -> None:
         """Remember a channel, unless all is over by the time it is made."""

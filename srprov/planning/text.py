@@ -69,7 +69,7 @@ def _lines(plan: Plan, commands: bool, hide: Hide) -> Iterator[str]:
     if plan.unreachable or plan.notes:
         yield ""
     for host, reason in sorted(plan.unreachable.items()):
-        first, *hints = reason.splitlines() or [""]
+        first, *hints = reason.split("\n")  # no other character ends a line: what a robot said is in the first one
         yield f"unreachable: {host}: {hide(visible(first))}"
         if words := " ".join(" ".join(hints).split()):  # in a plan file it may be any text: it gets one line
             yield f"  hint: {hide(visible(words))}"
