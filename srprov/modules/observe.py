@@ -16,6 +16,9 @@ _MOST = 1000
 """Things of a kind that a robot has, and things of any kind that it has of one instance: plans and tables grow with
 them, and with their pairs, and a robot may say anything."""
 _SERVICE = re.compile("[a-z0-9][a-z0-9_-]{0,400}")
+_OF_ENGINE = ("container", "network", "volume")
+_ENGINES_NAME = re.compile("[a-zA-Z0-9][a-zA-Z0-9_.-]{0,254}")
+"""As engines give them (moby's RestrictedNamePattern), and as long as a folder's name can be."""
 _MOST_SMALL = dict.fromkeys(("image", "file", "secret"), 10_000)
 """Images are nobody's, and one service may have many files."""
 
@@ -52,8 +55,12 @@ def parse_observed(replies: Sequence[Reply], kinds: Iterable[str] = tuple(MODULE
 
 
 def _is_named(one: Observed) -> bool:
-    """Return whether a service is called as one can be, with a robot's name behind it that was made to fit."""
-    return one.service == "" or _SERVICE.fullmatch(one.service) is not None
+    """Return whether it is called as such a thing can be: a name stands in sentences, beside commands to be copied.
+
+    A service may have a robot's name behind it that was made to fit.
+    """
+    named = one.module not in _OF_ENGINE or _ENGINES_NAME.fullmatch(one.name) is not None
+    return named and (one.service == "" or _SERVICE.fullmatch(one.service) is not None)
 
 
 def _check(one: Observed) -> None:
