@@ -12,7 +12,7 @@ import msgspec
 from msgspec.structs import replace
 
 from srprov.codes import Code
-from srprov.errors import RefusedError
+from srprov.errors import RefusedError, visible
 from srprov.facts.model import Snapshot
 from srprov.modules import RUNNING
 from srprov.network.belief import Belief, believe
@@ -20,6 +20,9 @@ from srprov.network.identity import link_names, tunnel_links
 from srprov.network.record import read_record
 from srprov.record.memory import Memory, digest, recall
 from srprov.resource import Observed
+
+_LONGEST = 300
+"""Characters of what a robot says of who made an instance."""
 
 
 def trusting(snapshot: Snapshot, instance: str, *, adopt: bool) -> tuple[Snapshot, tuple[str, ...]]:
@@ -156,8 +159,13 @@ def made_by_another(snapshot: Snapshot, instance: str, source: str) -> str:
         return ""
     strange = {"these robots": owners[0]} if source not in owners else _made_otherwise(snapshot, instance, source)
     for where, other in sorted(strange.items()):
-        return f"instance '{instance}' on {where} was made from {other}, not from {source}"
+        return f"instance '{instance}' on {where} was made from {shown_maker(other)}, not from {source}"
     return ""
+
+
+def shown_maker(source: str) -> str:
+    """Return, for a sentence, which experiment robots say made something: a second line would stand where hints do."""
+    return visible(source[:_LONGEST])
 
 
 def _made_otherwise(snapshot: Snapshot, instance: str, source: str) -> dict[str, str]:

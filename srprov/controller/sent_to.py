@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from srprov.codes import Code
 from srprov.controller.located import Located, Whereabouts
+from srprov.controller.ownership import shown_maker
 from srprov.errors import RefusedError, UsageError
 from srprov.names import few
 
@@ -35,7 +36,7 @@ def trusted(there: Whereabouts, word: str, source: str) -> Located:
     adopted = there.remembered and found.placed and there.source == source
     if maker not in ("", source) and not adopted:
         raise RefusedError(
-            f"{found.where} was made from {maker}, not from {source}",
+            f"{found.where} was made from {shown_maker(maker)}, not from {source}",
             hint=f"if you mean that one, name it with its robot: {found.service}@{found.host}",
             code=Code.OWNER,
         )

@@ -19,6 +19,7 @@ from typing import Any
 
 import msgspec
 
+from srprov.errors import visible
 from srprov.hashing import sha256_of
 from srprov.planning.fingerprint import lasting
 from srprov.planning.plan import Plan, Step, command_json, plan_json, secret_json, step_json
@@ -172,7 +173,8 @@ def differences(before: object, now: object, path: str = "") -> list[str]:
         pairs = list(zip(before, now, strict=True))
         if all(isinstance(one, Mapping) for pair in pairs for one in pair):
             return [line for index, pair in enumerate(pairs) for line in differences(*pair, f"{path} {index}")]
-    return [] if before == now else [f"{path}: was {_short(before)}, is {_short(now)}"]
+    # a robot's words, as a line of an error
+    return [] if before == now else [visible(f"{path}: was {_short(before)}, is {_short(now)}")]
 
 
 def _short(value: object) -> str:

@@ -10,11 +10,17 @@ import pytest
 
 from srprov.codes import Code
 from srprov.controller.digests import look_up
+from srprov.controller.located import locate
+from srprov.controller.ownership import check_source
+from srprov.controller.sent_to import trusted
 from srprov.definitions.model import Host
-from srprov.errors import ConnectError, TransportError, UsageError
+from srprov.errors import ConnectError, RefusedError, TransportError, UsageError
 from srprov.facts.gather import _said
+from srprov.facts.model import Snapshot
 from srprov.planning.plan import Plan
+from srprov.planning.planfile import differences
 from srprov.planning.text import plan_text
+from srprov.resource import Observed
 from srprov.transport import connect
 from srprov.wire import Reply
 
@@ -63,3 +69,23 @@ def test_what_a_registry_says_by_an_engine_is_one_line(end: str) -> None:
     with pytest.raises(UsageError) as caught:
         look_up(lambda _: replies, ["r1"], ["docker.io/library/busybox:latest"], ())
     assert caught.value.message.endswith(f": too many; {ORDER}")
+
+
+@pytest.mark.parametrize("end", ENDS)
+def test_who_made_something_by_a_robot_s_word_is_one_line(end: str) -> None:
+    """A container has any label."""
+    state = {"source": f"git@lab:nav{end}{ORDER}", "state": "running", "service": "web"}
+    box = Observed(module="container", name="srprov.x.web", instance="x", state=state)
+    found = Snapshot(facts={}, observed={"r1": (box,)})
+    with pytest.raises(RefusedError) as plan:
+        check_source(found, "x", "mine", adopt=False)
+    with pytest.raises(RefusedError) as sent:
+        trusted(locate(found, "x"), "web", "mine")
+    for error in (plan.value, sent.value):
+        assert error.message.isprintable() and error.message.endswith(f"{ORDER}, not from mine")
+
+
+@pytest.mark.parametrize("end", ENDS)
+def test_what_moved_on_a_robot_is_one_line(end: str) -> None:
+    (line,) = differences({"image": "busybox"}, {"image": f"x{end}{ORDER}"})
+    assert line.isprintable() and line.endswith(ORDER)
