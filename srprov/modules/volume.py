@@ -115,10 +115,11 @@ class VolumeModule(Module[VolumeParams]):
         """Return names, owners and where they lie."""
         bodies = [one.json() if one.ok else None for one in replies]
         items = [item for one in bodies for item in mappings(one.get("Volumes") if isinstance(one, dict) else None)]
-        by_name = {string(item.get("Name")): item for item in items}
+        by_name = {string(item.get("Name")): (item, string_map(item.get("Labels"))) for item in items}
+        # an engine takes a filter for a pattern, and what anybody called so says nothing of the data in the real one
+        halves = {name for name, (_, labels) in by_name.items() if name.startswith(_HALF) and INSTANCE in labels}
         found = []
-        for name, item in by_name.items():
-            labels = string_map(item.get("Labels"))
+        for name, (item, labels) in by_name.items():
             if instance := labels.get(INSTANCE) or _named_for(name):
                 state = {
                     "source": labels.get(SOURCE, ""),
@@ -127,7 +128,7 @@ class VolumeModule(Module[VolumeParams]):
                     "seed": seed if _HASH.fullmatch(seed := labels.get(SEED, "")) else "",
                     "created": string(item.get("CreatedAt")),
                     "place": string(item.get("Mountpoint")),
-                    "half": name.startswith(_HALF) or half_copy(name) in by_name,
+                    "half": name in halves or half_copy(name) in halves,
                 }
                 if made_for := [one for one in labels.get(SERVICES, "").split(",") if names.valid("service", one)]:
                     state["services"] = made_for  # of an older srprov's nobody knows
