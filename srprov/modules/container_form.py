@@ -18,7 +18,7 @@ from srprov.definitions.containermodel import TMPFS_OPTIONS, Mount
 from srprov.definitions.model import Service
 from srprov.definitions.secretmodel import SecretUse
 from srprov.modules.container_params import ContainerParams
-from srprov.modules.module import DISCOVERY_FILE, MEMORY_ROOT, STATE_ROOT, Names
+from srprov.modules.module import DISCOVERY_FILE, MEMORY_ROOT, STATE_ROOT, Names, canonical
 from srprov.wire import DATA_STORE
 
 WORD = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
@@ -58,11 +58,13 @@ def told(want: ContainerParams) -> str:
 def shown_mounts(want: ContainerParams) -> str:
     """Return what it mounts of volumes, files and secrets, such as `; mounts volume log at /log`, or nothing.
 
-    What srprov itself puts into every container is left out, and memory, which holds nothing of anybody.
+    What srprov itself puts into every container is left out, and memory, which holds nothing of anybody. What no EDF
+    leads to, as of a plan file, is shown as an engine is told it.
     """
     service = service_of(want)
     shown = [_shown(mount) for mount in service.runtime.mounts if _is_told(mount)]
     shown += [f"secret {use.source} at {_word(use.target)}" for use in service.secrets]
+    shown += [canonical(dict(mount)) for mount in want.mounts if _mount(want.instance, mount) is None]
     return f"; mounts {', '.join(shown)}" if shown else ""
 
 

@@ -239,3 +239,17 @@ def test_the_plan_says_what_a_new_container_mounts_but_not_what_each_has() -> No
         'not there; image busybox:latest; mounts volume bag at /bag (read-only), "app, two.yml" at /etc/app.yml, '
         "the robot's /srv/maps at /maps, secret token at /run/secrets/token"
     )
+
+
+def test_the_plan_says_of_a_new_container_what_it_mounts_that_no_edf_leads_to() -> None:
+    """As of a plan file: a volume of another instance, or one that its options have be any folder of the robot."""
+    others: dict[str, Any] = {"Type": "volume", "Source": "srprov.other.keys", "Target": "/k", "ReadOnly": False}
+    folder: dict[str, Any] = {**others, "Source": "srprov.hello.bag"}
+    folder["VolumeOptions"] = {"DriverConfig": {"Name": "local"}}
+    change = MODULES["container"].check(WANT.name, replace(WANT.params, mounts=(others, folder)), None)
+    assert change is not None
+    assert change.cause == (
+        'not there; mounts {"ReadOnly":false,"Source":"srprov.other.keys","Target":"/k","Type":"volume"}, '
+        '{"ReadOnly":false,"Source":"srprov.hello.bag","Target":"/k","Type":"volume",'
+        '"VolumeOptions":{"DriverConfig":{"Name":"local"}}}'
+    )
