@@ -58,8 +58,7 @@ _GROUPS = {"export": ("compose", "kubernetes", "swarm"), "import": ("compose", "
 _MOST = {"workers": os.cpu_count() or 1, "forks": 512}  # of a project's file: processes and threads of this machine
 OWN_FIRST = ("inventories",)  # here the user's own file is stronger where what it has stands: robots get his secrets
 _SWITCHES = ("locked",)  # a project's file may ask for it, and not do without what the user's own asks for
-_MOST_BYTES, _MOST_FAULTS, _BEYOND = 1 << 20, 20, 1e15
-_MOST_ENTRIES, _LONGEST = 64, 4096  # of a list, and characters of a text
+_MOST_BYTES, _MOST_FAULTS, _BEYOND, _MOST_ENTRIES, _LONGEST = 1 << 20, 20, 1e15, 64, 4096  # of a list, of a text
 
 
 class ConfigFile(msgspec.Struct, frozen=True, kw_only=True):
@@ -80,11 +79,9 @@ def default_map(verbs: Mapping[str, Any], folder: Path, environ: Mapping[str, st
     """
     defaults, mine = ({verb: dict[str, Any]() for verb in verbs} for _ in range(2))
     for file in files(folder, environ):
-        table, _ = _read(file, verbs)
-        everywhere = {key: value for key, value in table.items() if not isinstance(value, dict)}
+        table, _ = read_table(file, verbs)
         for verb, chosen in defaults.items():
-            here = {**everywhere, **_of_verb(table, verb)}
-            chosen.update({_parameter(key): _value(key, value, file) for key, value in here.items()})
+            chosen.update(set_for(verb, table, file))
             chosen.update(mine[verb])
             mine[verb] |= {key: chosen[key] for key in OWN_FIRST if file.own and stand(chosen.get(key, ()))}
     return {**defaults, **{group: dict.fromkeys(verbs_below, defaults[group]) for group, verbs_below in _GROUPS.items()
@@ -106,7 +103,7 @@ def places(verbs: Mapping[str, Any], file: ConfigFile) -> dict[tuple[str, str], 
     Raises:
         UsageError: As `default_map`.
     """
-    table, text = _read(file, verbs)
+    table, text = read_table(file, verbs)
     lines: dict[tuple[str, str], int] = {}
     everywhere = {key: value for key, value in table.items() if not isinstance(value, dict)}
     for verb in verbs:
@@ -114,6 +111,12 @@ def places(verbs: Mapping[str, Any], file: ConfigFile) -> dict[tuple[str, str], 
             at = f"{file.table}.{name}".strip(".")
             lines |= {(verb, _parameter(key)): line(text, at, key) for key in some}
     return lines
+
+
+def set_for(verb: str, table: Mapping[str, Any], file: ConfigFile) -> dict[str, Any]:
+    """Return parameter -> what the table of a file, as `read_table` gives it, sets for a verb."""
+    here = {**{key: one for key, one in table.items() if not isinstance(one, dict)}, **_of_verb(table, verb)}
+    return {_parameter(key): _value(key, value, file) for key, value in here.items()}
 
 
 def _of_verb(table: Mapping[str, Any], verb: str) -> Mapping[str, Any]:
@@ -145,15 +148,12 @@ def _value(key: str, value: Any, file: ConfigFile) -> object:  # noqa: ANN401 - 
     root = os.path.realpath(file.path.parent)
     for path in () if file.own else paths:
         if os.path.isabs(path) or os.path.commonpath((root, os.path.realpath(file.path.parent / path))) != root:
-            raise UsageError(
-                f"{file.path}: the inventory '{path}' is not in the project's folder",
-                hint="name it on the command line: -i FILE",
-                code=Code.CONFIGURATION,
-            )
+            what = f"{file.path}: the inventory '{path}' is not in the project's folder"
+            raise UsageError(what, hint="name it on the command line: -i FILE", code=Code.CONFIGURATION)
     return paths
 
 
-def _read(file: ConfigFile, verbs: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
+def read_table(file: ConfigFile, verbs: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
     """Return what a file sets, and its text; an empty table where there is none."""
     if not file.path.is_file():
         return {}, ""

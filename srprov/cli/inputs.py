@@ -18,7 +18,7 @@ from srprov.cli.fork_options import sharing
 from srprov.cli.options import asked_for_become
 from srprov.cli.output import catch_logs, err
 from srprov.cli.output_options import is_quiet, note
-from srprov.cli.standing import inventory_set_aside, leads_anywhere
+from srprov.cli.whose_inventory import inventory_set_aside, unnamed_inventories
 from srprov.codes import Code
 from srprov.controller.request import PlanRequest
 from srprov.errors import DefinitionError, RefusedError, UsageError, visible
@@ -38,8 +38,8 @@ _MOST_NAMED = 8
 def load_inventory(paths: tuple[str, ...]) -> Inventory:
     """Read the inventory; an empty one is an error. Asks for sudo's password when the user said so.
 
-    An inventory may run programs here only when the user named it: on the command line, or by an absolute path in the
-    environment or his own configuration. A relative one of these lies in whatever folder this is.
+    An inventory may run programs here only when the user named it: on the command line, or by an absolute path or as
+    robots by name in the environment or his own configuration. A relative path there lies in whatever folder this is.
     """
     from srprov.definitions import load_inventory as load
 
@@ -48,7 +48,7 @@ def load_inventory(paths: tuple[str, ...]) -> Inventory:
     if context and (aside := inventory_set_aside(context, paths)):
         own = ", ".join(paths).rstrip(",")
         err(f"note: the inventory is {own}, of your own configuration; that of {visible(aside)} needs -i")
-    inventory = load(list(paths), unnamed=[path for path in paths if leads_anywhere(context, "inventories", path)])
+    inventory = load(list(paths), unnamed=unnamed_inventories(context, paths))
     if not inventory.hosts:
         raise UsageError(f"no robots in {', '.join(paths)}", hint="add hosts to the inventory", code=Code.NO_ROBOT)
     return _with_become_password(inventory) if asked_for_become() else inventory

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection
-from pathlib import Path
 from typing import Any, TypeVar
 
 import click
@@ -30,25 +29,12 @@ def stand(paths: Collection[str]) -> bool:
 
     A file that is called as such names is never read for them.
     """
-    return bool(paths) and all(os.path.isabs(one) or ("," in one and "/" not in one) for one in paths)
+    return bool(paths) and all(os.path.isabs(one) or are_names(one) for one in paths)
 
 
-def inventory_set_aside(context: click.Context, paths: tuple[str, ...]) -> str:
-    """Return where a project's file names an inventory that gives way to the user's own, as `FILE:LINE`, or nothing.
-
-    `paths` are what is read; a verb may read another one than was given to it, such as that of its own lab.
-    """
-    from srprov.cli.config import files, places
-
-    source = context.get_parameter_source("inventories")
-    if source is not ParameterSource.DEFAULT_MAP or context.params.get("inventories") != paths:
-        return ""
-    root, verb = context.find_root(), context.command_path.split()[1]
-    verbs = dict.fromkeys(root.command.list_commands(root) if isinstance(root.command, click.Group) else (), "")
-    found = [(file, places(verbs, file).get((verb, "inventories"))) for file in files(Path.cwd(), os.environ)]
-    having = [(file, line) for file, line in found if line is not None]
-    aside = [f"{file.path}:{line}" for file, line in having if not file.own]
-    return aside[-1] if aside and having[0][0].own and stand(paths) else ""
+def are_names(path: str) -> bool:
+    """Return whether these are robots by name."""
+    return "," in path and "/" not in path
 
 
 def signers_option(told: str) -> Callable[[_F], _F]:

@@ -54,3 +54,28 @@ def test_robots_of_an_inventory_that_the_user_did_not_name_are_told_none(
     assert "an inventory that you did not name" in capsys.readouterr().err
     (tmp_path / "i.yml").write_text(hosts.replace("pi", "root"))
     assert run(["facts", "-K"]) == 4, "where root logs in nobody is told one"
+
+
+@pytest.mark.parametrize("place", ["variable", "own", "verb", "project", "project's pyproject", "both"])
+def test_robots_that_the_user_has_by_name_are_told_it_and_a_projects_are_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], place: str
+) -> None:
+    """`robot1,robot2,` are the same robots in each folder, and the names in a project's file a stranger's choice."""
+    lab, own, given = tmp_path / "lab", tmp_path / "conf/srprov/srprov.toml", "inventory = ['192.0.2.1,']\n"
+    for folder in (lab, own.parent):
+        folder.mkdir(parents=True)
+    own.write_text({"own": given, "verb": f"[facts]\n{given}", "both": "inventory = 'a.yml'\n"}.get(place, ""))
+    (lab / "srprov.toml").write_text("timeout = 0.1\n" + given * (place in ("project", "both")))
+    (lab / "pyproject.toml").write_text(f"[tool.srprov]\n{given}" if place.endswith("pyproject") else "")
+    monkeypatch.chdir(lab)
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "conf"))
+    if place == "variable":
+        monkeypatch.setenv("SRPROV_FACTS_INVENTORY", "192.0.2.1,")
+    of_project = place not in ("variable", "own", "verb")
+    if of_project:
+        monkeypatch.setattr(click, "prompt", lambda *_words, **_more: pytest.fail("it was asked for"))
+    assert run(["facts", "-K"]) == (5 if of_project else 4)
+    said = capsys.readouterr().err
+    assert ("an inventory that you did not name" in said) is of_project
+    assert ("sudo's password is told any of these that asks: 192.0.2.1\n" in said) is not of_project
+    assert "of your own configuration" not in said

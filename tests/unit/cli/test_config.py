@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import json
 import os
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from click.core import ParameterSource
 
 from srprov.cli.config import _GROUPS, OWN_KEYS, PARAMETERS, PROJECT_KEYS, ConfigFile, default_map, places, user_folder
 from srprov.cli.main import _MODULES, _VERBS, cli, run
-from srprov.cli.standing import inventory_set_aside
+from srprov.cli.whose_inventory import inventory_set_aside
 from srprov.errors import UsageError
 from tests.bounded import bounded
 
@@ -341,6 +342,21 @@ def test_a_project_gives_no_other_address_to_robots_that_the_user_has_by_name(
     said = capsys.readouterr().err
     assert "note: the inventory is robot1,robot2, of your own configuration" in said, said
     assert "127.0.0.1" not in said
+
+
+def test_robots_that_a_project_has_by_name_are_not_said_to_be_the_users(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """His own file has a relative path, which gives way; both kinds of names stand, and one looked like the other."""
+    write(tmp_path / "conf/srprov/srprov.toml", "inventory = 'mine.yml'\n")
+    write(tmp_path / "lab/srprov.toml", "inventory = '192.0.2.1,'\ntimeout = 0.1\n")
+    monkeypatch.chdir(tmp_path / "lab")
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "conf"))
+    assert run(["facts"]) == 4
+    assert "of your own configuration" not in capsys.readouterr().err
+    assert run(["config", "facts", "--json"]) == 0
+    (row,) = [one for one in json.loads(capsys.readouterr().out)["settings"] if one["setting"] == "inventory"]
+    assert (row["value"], row["source"]) == (["192.0.2.1,"], "project")
 
 
 def test_an_inventory_that_is_set_aside_is_told(
