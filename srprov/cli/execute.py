@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TextIO
 import click
 
 from srprov.cli.interrupt import soft_interrupt
-from srprov.cli.output import Answer, err, expect, out_json
+from srprov.cli.output import Answer, err, err_whole, expect, out_json
 from srprov.cli.output_options import is_quiet, wants_timings
 from srprov.cli.progress import progress
 from srprov.cli.timings import timings_text
@@ -45,7 +45,7 @@ def confirm(made: Plan, yes: bool, stop_timeout_s: float, also: str = "") -> Non
     from srprov.execution.options import hurried
 
     for line in hurried(made, stop_timeout_s):
-        err(f"warning: {line}")
+        err_whole(f"warning: {visible(line)}")
     if yes:
         return
     lost = sum(step.change.destructive for step in made.steps)
@@ -74,7 +74,7 @@ def carried_out(
 
     if as_json:  # the plan was not shown, and it is what says these
         for note in planned.plan.notes:
-            err(f"note: {visible(note)}")
+            err_whole(f"note: {visible(note)}")
     else:
         expect(Answer.ASIDE)
     stop = threading.Event()

@@ -170,6 +170,7 @@ def _point_to_page(code: Code) -> None:
 
 def show_error(error: SrprovError) -> None:
     """Print an error with all that it carries and what to do next."""
+    tell = err_whole if error.code is Code.NOT_ALLOWED else err
     if isinstance(error, DefinitionError):
         from srprov.cli.problems import render_problems
 
@@ -178,14 +179,13 @@ def show_error(error: SrprovError) -> None:
     else:
         robot = error.host if isinstance(error, TransportError) else ""
         who = f"{robot}: " if robot and robot not in error.message else ""
-        tell = err_whole if error.code is Code.NOT_ALLOWED else err
         tell(f"error[{error.code}]: {who}{error.message}")
     if isinstance(error, NoAssignment):
         for service, reasons in sorted(error.misses.items()):
             for robot, reason in sorted(reasons.items()):
                 err(f"  {service} cannot run on {robot}: {reason}")
     if error.hint:
-        err(f"  {error.hint}")
+        tell(f"  {error.hint}")
 
 
 def code_of_output(code: int) -> int:

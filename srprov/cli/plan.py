@@ -12,17 +12,17 @@ from msgspec.structs import replace
 from srprov import private
 from srprov.cli import inputs, key_options, options
 from srprov.cli.codes import DIFFERENCES, UNREACHABLE
-from srprov.cli.output import clean, err, out, out_json_whole, out_whole
+from srprov.cli.output import clean, err_whole, out_json_whole, out_whole
 from srprov.cli.output_options import writable
 from srprov.cli.stdout_guard import answers_only
 from srprov.cli.target_options import shown_part, targeting
 from srprov.codes import Code
 from srprov.controller.request import PlanRequest
 from srprov.errors import RefusedError, UsageError
-from srprov.secret import Vault, redact
+from srprov.secret import Vault, redact, redacted
 
 if TYPE_CHECKING:
-    from srprov.planning.plan import Plan
+    from srprov.planning.plan import Plan, Step
     from srprov.planning.planfile import PlanFile
 
 
@@ -166,9 +166,21 @@ def show_plan(
         text = plan_text(made, commands=verbose, hide=clean).rstrip()
         out_whole(text, painted if color else str)
         if reviewed and not made.empty:
-            out(f"Its hash, for `apply --expect`: {plan_hash(made)}")
+            out_whole(f"Its hash, for `apply --expect`: {plan_hash(made)}")
         if reviewed and made.chosen:
-            out("The placement was chosen by how the robots are at this moment; `plan -o FILE` keeps it for `apply`.")
+            told = "The placement was chosen by how the robots are at this moment; `plan -o FILE` keeps it for `apply`."
+            out_whole(told)
     else:
-        out_json_whole(as_json, ASKED)
-        err(summary(made))
+        steps = [_shown(step, one) for step, one in zip(made.steps, as_json["steps"], strict=True)]
+        out_json_whole({**as_json, "steps": steps}, {*ASKED, "steps"})
+        err_whole(summary(made))
+
+
+def _shown(step: Step, as_json: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a step without secrets where it may hold one: what a new container has follows from none."""
+    from srprov.planning.brought import brought
+
+    made = brought(step)
+    cause = step.change.cause.removesuffix(made)
+    whole = redact(cause) + step.change.cause[len(cause) :]
+    return {**{key: redacted(one) for key, one in as_json.items()}, "cause": whole}

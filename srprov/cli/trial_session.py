@@ -109,7 +109,7 @@ def run_session(
             show_plan(plan.base.plan, None, verbose=False)
             out_whole(f"\n{in_words(plan)}")
             if size := size_note(plan.given):
-                out(f"\n{size}")
+                out_whole(f"\n{size}")
             for heading, lines in more(planned.snapshot) if planned.snapshot else ():
                 out_whole("\n".join([f"\n{heading}:\n", *(f"  {visible(line[:_LONGEST])}" for line in lines)]))
         permit_run(planned.plan, request.allowed, inventory, request.policies)

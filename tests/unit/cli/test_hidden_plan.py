@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import pytest
 from msgspec.structs import replace
 
+from srprov.cli.execute import confirm
 from srprov.cli.main import show_error
 from srprov.cli.output import clean
 from srprov.cli.plan import show_plan
@@ -18,6 +19,7 @@ from srprov.planning.plan import DataMove, Plan, Step, plan_json
 from srprov.planning.policy import Permission, require
 from srprov.resource import Action, Change, Difference
 from srprov.secret import Secret, forget
+from srprov.wire import STOP_MARGIN_S, EngineCall
 
 PASSWORD = "hunter2-is-a-password"
 PATH = "/usr/local/bin (root may run or believe what is written there)"
@@ -93,6 +95,23 @@ def test_no_secret_hides_what_is_refused(capsys: pytest.CaptureFixture[str]) -> 
         require(PERMISSIONS, ())
     show_error(refused.value)
     assert f"nav: host-path (/srv/data); nav: host-path ({PATH})" in capsys.readouterr().err
+
+
+def test_no_secret_hides_what_is_said_beside_a_plan(capsys: pytest.CaptureFixture[str]) -> None:
+    for word in ("--allow", "Its hash", "1 to replace", "asks for 60 s", "to stop and is killed"):
+        Secret(word)
+    with pytest.raises(RefusedError) as refused:
+        require(PERMISSIONS, ())
+    show_error(refused.value)
+    show_plan(PLAN, None, verbose=False, reviewed=True)
+    show_plan(PLAN, plan_json(PLAN), verbose=False)
+    stop = EngineCall(method="POST", path="/containers/srprov.nav.nav/stop", timeout_s=60.0 + STOP_MARGIN_S)
+    confirm(replace(PLAN, steps=(replace(STEP, change=replace(STEP.change, commands=(stop,))),)), True, 10.0)
+    shown = capsys.readouterr()
+    assert "  if you trust it: --allow host-path\n" in shown.err
+    assert "\nIts hash, for `apply --expect`: " in shown.out
+    assert "Plan: 1 to replace; 0 unchanged." in shown.err.splitlines()
+    assert "warning:  on robot1 asks for 60 s to stop and is killed after 10 s" in shown.err
 
 
 def test_a_value_of_several_lines_is_hidden_where_values_are(capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 
 import pytest
 from msgspec.structs import replace
 
 from srprov.cli.output import clean
+from srprov.cli.plan import show_plan
 from srprov.definitions.containermodel import Mount
 from srprov.images.context import context_tar
 from srprov.modules import MODULES
 from srprov.modules.image import ImageParams
 from srprov.planning.markdown import plan_markdown
-from srprov.planning.plan import Plan, Step
+from srprov.planning.plan import Plan, Step, plan_json
 from srprov.planning.text import plan_text
 from srprov.resource import Action, Change, Resource
 from srprov.secret import Secret, forget
@@ -86,3 +88,19 @@ def test_the_plan_says_what_an_image_is_built_of() -> None:
 def test_a_context_that_is_none_says_nothing(blob: bytes) -> None:
     plan = Plan(instance="x", source="here", steps=(step(Action.CREATE, "built here", built(blob)),))
     assert "built here\n" in plan_text(plan)
+
+
+def test_no_secret_hides_it_in_json(capsys: pytest.CaptureFixture[str]) -> None:
+    want = container()
+    change = MODULES["container"].check(want.name, want.params, None)
+    assert change is not None
+    for one in (change.cause, change.cause.partition(";")[2], LAST, PRIVATE, "volume bag", "robots say this"):
+        Secret(one)
+    made = step(Action.CREATE, change.cause, want)
+    plan = Plan(
+        instance="x",
+        source="here",
+        steps=(made, replace(made, number=2, change=replace(change, cause="robots say this"))),
+    )
+    show_plan(plan, plan_json(plan), verbose=False)
+    assert [one["cause"] for one in json.loads(capsys.readouterr().out)["steps"]] == [change.cause, "***"]
