@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from srprov.cli import inputs, options, output_options
 from srprov.cli.compare import MARGINS, STRICT, margins_of, show_comparison
 from srprov.cli.execute import refuse_without_terminal
-from srprov.cli.output import err
+from srprov.cli.output import clean, err
 from srprov.cli.seconds import Seconds
 from srprov.cli.standing import signers_option
 from srprov.cli.trial_session import Manner, check_wanted, run_session, show_report
@@ -107,7 +107,6 @@ def _again(
     """Run the trials; without an inventory of the user's, on a lab. Return the exit code."""
     from srprov.controller.source import read_definitions
     from srprov.evidence import replay as evidence
-    from srprov.evidence import replay_images
 
     assert wanted.folder is not None  # the verb names it
     folder = wanted.folder.parent / "experiment"
@@ -123,14 +122,27 @@ def _again(
             ours, asked = stack.enter_context(lab_for(again))
 
         def robots(snapshot: Snapshot) -> Iterator[tuple[str, Iterable[str]]]:
-            yield "Who does whose part", evidence.differences(again, asked, snapshot)
-            yield "Images", replay_images.in_words(kept, snapshot, again.placed)
+            yield from told(again, kept, asked, snapshot)
 
         inventory = evidence.mapped(ours, again.robots, asked)
         report = run_session(definitions, inventory, request, wanted, manner, robots)
     if report.exit_code:
         show_report(report, as_json=False)
     return report.exit_code
+
+
+def told(
+    again: Replay, kept: Kept, asked: dict[str, str], snapshot: Snapshot
+) -> Iterator[tuple[str, Iterable[str]]]:  # fmt: skip
+    """Yield what is shown with the plan: who does whose part, where each image comes from. What robots say is cleaned.
+
+    Of images it is not: whose they are follows from no secret's value.
+    """
+    from srprov.evidence import replay as evidence
+    from srprov.evidence import replay_images
+
+    yield "Who does whose part", map(clean, evidence.differences(again, asked, snapshot))
+    yield "Images", replay_images.in_words(kept, snapshot, again.placed)
 
 
 def _check_robots(inventories: tuple[str, ...], pairs: tuple[str, ...], *, lab: bool) -> None:

@@ -10,11 +10,14 @@ import pytest
 from msgspec.structs import replace
 
 from srprov import private
+from srprov.cli.replay import told
 from srprov.codes import Code
 from srprov.definitions import load_experiment
 from srprov.definitions.model import Host, Inventory
 from srprov.errors import RefusedError, UsageError
 from srprov.evidence.replay import Replay, check, differences, mapped, read, unpack
+from srprov.evidence.replay_images import Kept
+from srprov.secret import Secret, forget
 from tests.fakes import World
 from tests.trial_folders import FILES, planned
 from tests.unit.evidence.bundles import Content, as_it_is, packed, with_manifest
@@ -167,3 +170,22 @@ def test_nothing_is_unpacked_by_way_of_somebody_else_s_link(
         unpack(one, shared)
     assert list(elsewhere.iterdir()) == list(shared.iterdir()) == []
     assert {one.name for one in (tmp_path / "taken").iterdir()} == {name.split("/")[0] for name in FILES}
+
+
+def test_what_a_robot_says_of_itself_shows_no_secret_and_where_images_come_from_is_hidden_by_none(
+    bundled: Path, tmp_path: Path
+) -> None:
+    """A robot knows its own sudo's password; and a bundle's experiment chooses what its secrets are."""
+    unpack(as_it_is(bundled), tmp_path / "again")
+    again = read(as_it_is(bundled))
+    snapshot = planned(World().add("r1", "r2"), tmp_path / "again" / again.edf).base.snapshot
+    assert snapshot is not None
+    snapshot = replace(snapshot, facts={**snapshot.facts, "r2": replace(snapshot.facts["r2"], kernel="hunter2-sudo")})
+    Secret("hunter2-sudo")
+    Secret("by its name: it may be another image today")
+    found = dict(told(again, Kept(images={}, names={"web": "busybox"}), {}, snapshot))
+    parts, images = list(found["Who does whose part"]), list(found["Images"])
+    forget()
+    assert parts[0] == "r1 is r1: the same kind of machine"
+    assert "***" in parts[1] and "hunter2" not in parts[1]
+    assert images == ["web: busybox, by its name: it may be another image today"]
