@@ -12,7 +12,7 @@ import click
 from msgspec.structs import replace
 
 from srprov.cli import fork_options, inputs, options
-from srprov.cli.output import counted, err, out, out_json
+from srprov.cli.output import counted, err, out, out_json, tell_unreachable
 from srprov.cli.output_options import no_link
 from srprov.cli.stored_facts import FACTS, stored_facts
 from srprov.codes import Code
@@ -171,13 +171,23 @@ def _on_robots(
 def _on_planned(
     source: Source, inventories: tuple[str, ...], stored: Path | None, timeout: float, forks: int
 ) -> Export:
-    """Return what is for the robots of a plan. Where those are is their own word, unless it was written here."""
+    """Return what is for the robots of a plan. Where those are is their own word, unless it was written here.
+
+    Files of an inventory that was named are not copied unasked, as of an EDF.
+    """
     from srprov.controller import compose as controller
     from srprov.controller.compose_plan import is_of_here
+    from srprov.controller.own_files import permit_copies
 
-    if not inventories or (source.plan and is_of_here(source.plan)):
+    if not inventories:
         return controller.on_planned_robots(source)
-    return controller.on_planned_robots(source, _robots(inputs.load_inventory(inventories), stored, timeout, forks)[0])
+    inventory = inputs.load_inventory(inventories)
+    permit_copies(source.definitions, source.allowed, inventory)
+    if source.plan and is_of_here(source.plan):
+        return controller.on_planned_robots(source)
+    snapshot = _robots(inventory, stored, timeout, forks)[0]
+    tell_unreachable(snapshot.unreachable)
+    return controller.on_planned_robots(source, snapshot)
 
 
 def _robots(inventory: Inventory, stored: Path | None, timeout: float, forks: int) -> tuple[Snapshot, object]:

@@ -145,7 +145,7 @@ def _across(experiment: Experiment, machines: Sequence[Machine], robots: Mapping
         for name in machine.services:
             if services[name].network != "none":
                 if not robots.get(machine.robot):
-                    hint = "services on several robots are told of each other's addresses: give -i INVENTORY"
+                    hint = "services on several robots are told where the others are: give -i INVENTORY that has it"
                     raise UsageError(f"the address of {machine.robot} is not known", hint=hint, code=Code.UNDERLAY)
                 names[name] = robots[machine.robot]
     addresses = {name: address for name, address in names.items() if services[name].network in ON_OVERLAY}
