@@ -5,8 +5,9 @@ copied from another robot whose copy it is. Data is copied into a volume of anot
 the place of the real one in one rename after its hash was compared. While the half copy is there, whatever has the real
 name is worth nothing yet. A seed comes into a volume in the same way, once, when it is made.
 
-What has the name of an instance's volume is that instance's, whoever made it, and without labels somebody else's: an
-engine that is told to make one that is there says that it did, and leaves in it what is there.
+What has the name of an instance's volume is that instance's, whoever made it and whatever labels say, and without its
+owner's proof somebody else's: an engine that is told to make one that is there says that it did, and leaves in it what
+is there.
 
 Source: Docker Engine API 1.41, "Create a volume".
 """
@@ -120,7 +121,7 @@ class VolumeModule(Module[VolumeParams]):
         halves = {name for name, (_, labels) in by_name.items() if name.startswith(_HALF) and INSTANCE in labels}
         found = []
         for name, (item, labels) in by_name.items():
-            if instance := labels.get(INSTANCE) or _named_for(name):
+            if instance := _named_for(name) or labels.get(INSTANCE):
                 state = {
                     "source": labels.get(SOURCE, ""),
                     "owner": labels.get(OWNER, ""),

@@ -11,6 +11,7 @@ from srprov.controller.authority import check_file
 from srprov.controller.owners import Owner
 from srprov.definitions.containermodel import Mount
 from srprov.errors import RefusedError, UsageError
+from srprov.modules.module import INSTANCE
 from srprov.modules.volume import OWNER
 from srprov.resource import Resource
 from tests.fakes import World
@@ -48,10 +49,13 @@ def _without_needs(want: Resource | None) -> Resource | None:
     return want and replace(want, needs=tuple(need for need in want.needs if "/volume:" not in need.id))
 
 
-def test_a_volume_of_an_instances_name_that_nobody_s_label_tells_of_is_taken_by_nobody_unasked() -> None:
+@pytest.mark.parametrize("labels", [{}, {INSTANCE: "other"}, {INSTANCE: "other", OWNER: "0" * 64}])
+def test_a_volume_of_an_instances_name_without_its_owner_s_label_is_taken_by_nobody_unasked(
+    labels: dict[str, str],
+) -> None:
     """An engine that is told to make it takes it as it is, and the service ran with what lay in it."""
     world = World().add("r1")
-    world.robots["r1"].engine.volumes[LOG] = {}
+    world.robots["r1"].engine.volumes[LOG] = labels
     with pytest.raises(RefusedError, match=rf"not made from this file on this controller: {LOG} on r1") as refused:
         plan_for(world, web(), owner=MINE)
     assert refused.value.exit_code == 9
