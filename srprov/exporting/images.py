@@ -100,8 +100,9 @@ def _from_folder(cdf: ContainerDefinition, name: str, listing: Listing, read: Re
     errors.raise_any()
     own = File(path=DOCKERFILE, content=text.encode())
     others = [entry for entry in entries if not _is_taken_for_one(entry.path)]
-    kept = {DOCKERFILE if posixpath.join(folder, DOCKERFILE) == cdf.dockerfile else "", *(one.path for one in others)}
-    told = (f"{name}: {one.path[:200]} is left out: {_WHY}" for one in entries if one.path not in kept)
+    kept = {cdf.dockerfile, *(posixpath.join(folder, one.path) for one in others)}
+    gone = (one.path for one in entries if posixpath.join(folder, one.path) not in kept)
+    told = (f"{name}: {path[:200]} is left out: {_WHY}" for path in gone)
     return Built(name=name, files=(own, *map(_file, others)), moving=tuple(told))
 
 

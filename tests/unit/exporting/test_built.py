@@ -86,3 +86,16 @@ def test_what_a_build_takes_of_the_environment_is_told(tmp_path: Path) -> None:
         assert notes(made)[f"services.{name}.environment"] == told.format(variable)
         assert classes(made)[f"services.{name}.environment"] == "adapted"
     assert contents(made)["README.md"].decode().count(", into the image") == 3
+
+
+def test_the_dockerfile_of_a_cdf_is_not_said_to_be_left_out(tmp_path: Path) -> None:
+    """It is in the export as `Dockerfile`, whatever it is called."""
+    files = {"ctx__Containerfile": "FROM busybox\nCOPY y /\n", "ctx__y": "y", "ctx__Dockerfile": "FROM other\n"}
+    cdf = "cdf: 1\ndockerfile: Containerfile\n"
+    edf = experiment(tmp_path, "services: {a: {cdf: ctx/a.cdf}}", **files)
+    (tmp_path / "ctx/a.cdf").write_text(cdf)
+    made = twin(edf)
+    assert contents(made)["build/a/Dockerfile"].startswith(b"FROM busybox")
+    assert [note for note in made.notes if "left out" in note] == [
+        "a: Dockerfile is left out: a builder would go by it, and nobody looked at it"
+    ]
