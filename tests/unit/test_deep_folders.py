@@ -87,9 +87,9 @@ def test_many_files_of_one_deep_folder_are_written_in_time(here: Path) -> None:
 
     def fill() -> None:
         tree = Tree(str(here / "made"))
-        for at in range(8000):
+        for at in range(4000):
             tree.write(f"{place}{at}", b"")
 
     bounded(fill)
-    bounded(lambda: write("out", [File(path=f"{place}{at}", content=b"") for at in range(8000)]))
-    assert len(os.listdir(f"made/{place}")) == len(os.listdir(f"out/{place}")) == 8000
+    bounded(lambda: write("out", [File(path=f"{place}{at}", content=b"") for at in range(4000)]))
+    assert len(os.listdir(f"made/{place}")) == len(os.listdir(f"out/{place}")) == 4000
