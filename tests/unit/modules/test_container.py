@@ -249,7 +249,8 @@ def test_the_plan_says_of_a_new_container_what_it_mounts_that_no_edf_leads_to() 
     change = MODULES["container"].check(WANT.name, replace(WANT.params, mounts=(others, folder)), None)
     assert change is not None
     assert change.cause == (
-        'not there; image busybox:latest; mounts {"ReadOnly":false,"Source":"srprov.other.keys","Target":"/k","Type":"volume"}, '
+        "not there; image busybox:latest; mounts "
+        '{"ReadOnly":false,"Source":"srprov.other.keys","Target":"/k","Type":"volume"}, '
         '{"ReadOnly":false,"Source":"srprov.hello.bag","Target":"/k","Type":"volume",'
         '"VolumeOptions":{"DriverConfig":{"Name":"local"}}}'
     )
