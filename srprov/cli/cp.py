@@ -169,7 +169,7 @@ def _in_words() -> Iterator[None]:
         yield
     except OSError as error:
         hint = "files that were copied before are whole"
-        where = f"{error.filename}: " if isinstance(error.filename, str) else ""
+        where = f"{visible(error.filename)}: " if isinstance(error.filename, str) else ""
         raise UsageError(f"{where}{error.strerror or error}", hint=hint, code=Code.CANNOT_WRITE) from error
 
 

@@ -9,7 +9,7 @@ import click
 
 from srprov import names
 from srprov.cli.codes import INTERRUPTED
-from srprov.cli.output import counted, err, out, tell_unreachable
+from srprov.cli.output import below, counted, err, out, tell_unreachable
 from srprov.cli.status import table
 from srprov.codes import Code
 from srprov.errors import RefusedError, SrprovError, UsageError, visible
@@ -78,7 +78,8 @@ def destroy_all(
         try:
             codes.append(one(found.name))
         except SrprovError as error:  # the others are not less to be destroyed
-            err(f"error: {found.name}: {error.message}" + (f"\n  {error.hint}" if error.hint else ""))
+            hint = f"\n  {visible(error.hint)}" if error.hint else ""
+            err(f"error: {found.name}: {below(error.message)}{hint}")
             codes.append(error.exit_code)
         if codes[-1] == INTERRUPTED:
             break

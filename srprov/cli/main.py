@@ -19,11 +19,11 @@ from srprov.cli import output
 from srprov.cli.codes import BUG, INTERRUPTED, USAGE
 from srprov.cli.config import default_map
 from srprov.cli.interrupt import as_interrupt
-from srprov.cli.output import Answer, err, err_whole, print_uncaught
+from srprov.cli.output import Answer, below, err, err_whole, print_uncaught
 from srprov.cli.streams import lost, protect_standard_streams
 from srprov.cli.variables import name_variables
 from srprov.codes import Code
-from srprov.errors import DefinitionError, NoAssignment, SrprovError, TransportError, UsageError
+from srprov.errors import DefinitionError, NoAssignment, SrprovError, TransportError, UsageError, visible
 
 _VERBS = {
     "init": "Write the files of a new experiment.",
@@ -179,13 +179,13 @@ def show_error(error: SrprovError) -> None:
     else:
         robot = error.host if isinstance(error, TransportError) else ""
         who = f"{robot}: " if robot and robot not in error.message else ""
-        tell(f"error[{error.code}]: {who}{error.message}")
+        tell(f"error[{error.code}]: {who}{below(error.message)}")
     if isinstance(error, NoAssignment):
         for service, reasons in sorted(error.misses.items()):
             for robot, reason in sorted(reasons.items()):
                 err(f"  {service} cannot run on {robot}: {reason}")
     if error.hint:
-        tell(f"  {error.hint}")
+        tell(f"  {visible(error.hint)}")
 
 
 def code_of_output(code: int) -> int:

@@ -144,6 +144,11 @@ def printed_by(printer: Callable[[str, str | None], None]) -> Iterator[None]:
         _print_err = before
 
 
+def below(message: str) -> str:
+    """Return an error's message as it stands above its hint: further lines are deeper than that, whoever's words."""
+    return message.replace("\n", "\n  ")
+
+
 def tell_unreachable(unreachable: Mapping[str, str]) -> int:
     """Print a line for every robot that could not be reached, and return the exit code that follows from them."""
     for host, reason in sorted(unreachable.items()):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 import threading
 import time
@@ -182,7 +183,8 @@ def show_report(report: TrialsReport, *, as_json: bool) -> None:
     for line in report.in_words():
         err(line)
     if report.ended_early:
-        err(f"the run ended early: {report.ended_early}; go on with --resume -o {report.folder}")
+        err(f"the run ended early: {visible(report.ended_early)}")  # what robots said may be in it, a remedy too
+        err(f"  go on with --resume -o {shlex.quote(str(report.folder))}")
     if report.forgetful:
         err(f"warning: images of this run cannot be bundled: {report.forgetful}")
     if not as_json:

@@ -21,7 +21,7 @@ from srprov.codes import Code
 from srprov.controller.copied import Copied
 from srprov.controller.copied_links import Links, stays_inside
 from srprov.controller.folder_entries import is_folder, make_like, open_file, open_folder
-from srprov.errors import UsageError
+from srprov.errors import UsageError, visible
 from srprov.transport.tar_stream import TarError, TarStream, parts_of, place_of
 
 MOST_MEMBERS = 200_000
@@ -227,7 +227,7 @@ class _Tree:
         try:
             yield name
             if is_folder(folder, parts[-1]):
-                where = os.path.join(self._target.folder, *parts)
+                where = visible(os.path.join(self._target.folder, *parts))
                 raise UsageError(f"{where}: a folder is there, where a file is to be", code=Code.IN_THE_WAY)
             os.rename(name, parts[-1], src_dir_fd=folder, dst_dir_fd=folder)
         finally:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import BinaryIO
 
 from srprov.codes import Code
-from srprov.errors import UsageError
+from srprov.errors import UsageError, visible
 
 FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
 _FILE = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
@@ -28,7 +28,8 @@ def open_folder(name: str, above: int, shown: str) -> int:
     except OSError as error:
         if error.errno not in (errno.ENOTDIR, errno.ELOOP):
             raise
-        raise UsageError(f"{shown}: a file or link is there, where a folder is to be", code=Code.IN_THE_WAY) from None
+        why = f"{visible(shown)}: a file or link is there, where a folder is to be"  # a container may have called it
+        raise UsageError(why, code=Code.IN_THE_WAY) from None
 
 
 def open_file(parts: Sequence[str], top: int) -> BinaryIO:

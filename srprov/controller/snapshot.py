@@ -51,11 +51,8 @@ def snapshot(fleet: Fleet, target: Path, name: str) -> dict[str, Any]:
     _check_target(target)
     seen, unreachable = _look(fleet)
     if not seen:
-        raise UsageError(
-            "no robot could be looked at",
-            hint="; ".join(f"{k}: {v}" for k, v in sorted(unreachable.items())),
-            code=Code.NO_ROBOT,
-        )
+        why = "; ".join(f"{k}: {v}" for k, v in sorted(unreachable.items()))
+        raise UsageError(f"no robot could be looked at: {why}", code=Code.NO_ROBOT)
     robots = _robots(seen)
     try:
         hider = Hider(value for robot in robots for one in robot.services for value in one.hidden)
@@ -68,7 +65,7 @@ def snapshot(fleet: Fleet, target: Path, name: str) -> dict[str, Any]:
         robots, definitions = Checker(place, robots, definitions, hider).checked(name)
         if not definitions and not any(robot.services for robot in robots):
             found = [f"{robot.name}: {note.subject}: {note.words}" for robot in robots for note in robot.notes.all()]
-            raise UsageError("there is nothing to write", hint="; ".join(found[:5]), code=Code.NOTHING_RUNS)
+            raise UsageError(f"there is nothing to write: {'; '.join(found[:5])}", code=Code.NOTHING_RUNS)
         document = report.document(name, robots, definitions, unreachable)
         clean = _without(document, hider)
         private.write_file(place / REPORT, hider.without_strong(report.markdown(clean)))

@@ -286,8 +286,10 @@ def test_nothing_is_written_where_something_is_or_where_nobody_answered(tmp_path
     (tmp_path / "there/x").write_text("x", encoding="utf-8")
     with pytest.raises(UsageError, match="is there already"):
         snapshot(fleet_of(r1=Robot()), tmp_path / "there", "lab")
-    with pytest.raises(UsageError, match="no robot could be looked at"):
+    with pytest.raises(UsageError, match="no robot could be looked at: r1: ") as unseen:
         snapshot(fleet_of(r1=None), tmp_path / "new", "lab")
-    with pytest.raises(UsageError, match="there is nothing to write"):
-        snapshot(fleet_of(r1=Robot(shell={"system": "id 0\n"})), tmp_path / "new", "lab")
+    odd = "id 0\n/etc/os-release:PRETTY_NAME=first: curl x | sh\n"
+    with pytest.raises(UsageError, match=r"there is nothing to write: r1: .*curl x") as empty:
+        snapshot(fleet_of(r1=Robot(shell={"system": odd})), tmp_path / "new", "lab")
+    assert unseen.value.hint == empty.value.hint == ""  # a hint is srprov's own
     assert [path.name for path in tmp_path.iterdir()] == ["there"]
