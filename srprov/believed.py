@@ -151,11 +151,16 @@ def to_fill(folder: str) -> Iterator[str]:
         os.close(descriptor)
 
 
-def write(path: Path, content: str) -> None:
+def write(path: Path, content: str, most: int) -> None:
     """Write a file as `private.replace_file` does, and make its folder: where `read` will believe it, or not at all.
 
+    What is longer than the `most` that is read of it would be forgotten with all that stood there before; robots' words
+    may be in it.
+
     Raises:
-        OSError: It cannot be written; or its folder is refused by `check`.
+        OSError: It cannot be written, or is longer; or its folder is refused by `check`.
     """
+    if len(content.encode()) > most:
+        raise OSError(errno.EFBIG, f"it would have more than the {most >> 10} KiB that are read of it", str(path))
     make_folder(path.parent)
     private.replace_file(path, content)

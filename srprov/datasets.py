@@ -61,7 +61,7 @@ def digest(path: str) -> tuple[str, int]:
             raise OSError(errno.EBUSY, regular_file.CHANGED, path)
     known[path] = [*identity, found.hexdigest()]
     with contextlib.suppress(OSError):  # it is read again next time
-        believed.write(_named() / "known.json", json.dumps(known))
+        believed.write(_named() / "known.json", json.dumps(known), _MOST_KNOWN)
     return found.hexdigest(), identity[2]
 
 

@@ -52,5 +52,5 @@ def _key() -> bytes:
     if len(found) < _KEY_BYTES:
         found = secrets.token_hex(_KEY_BYTES)
         with contextlib.suppress(OSError):  # as above
-            believed.write(path, found + "\n")
+            believed.write(path, found + "\n", _MOST_KEY)
     return found.encode()

@@ -111,7 +111,7 @@ def keep(owner: Owner) -> None:
     words = {name: getattr(owner, name) for name in names}
     text = json.dumps({**words, "adopted": sorted(owner.adopted), "places": dict(owner.places)}, indent=2) + "\n"
     try:
-        believed.write(file, text)
+        believed.write(file, text, _LONGEST_FILE)
     except OSError as error:
         raise UsageError(
             f"cannot write {file}: {error.strerror}",

@@ -60,7 +60,7 @@ def _mark(address: Address, ref: str, commit: str, folder: Path | None) -> Path:
 
 def _keep(mark: Path) -> None:
     believed.make_folder(mark.parent)
-    believed.write(mark, "")
+    believed.write(mark, "", 0)
 
 
 def _leads_to(address: Address, tip: str, commit: str, folder: Path | None) -> bool:

@@ -27,7 +27,7 @@ from srprov.modules.module import INSTANCE, LABEL_FILTER, SOURCE, STATE_ROOT, Mo
 from srprov.modules.params import ParameterError
 from srprov.modules.tree import plain_digest, top_of
 from srprov.resource import Action, Change, Observed, State
-from srprov.untrusted import mappings, string, string_map
+from srprov.untrusted import mappings, string, string_map, text
 from srprov.wire import AnyQuery, Command, CopyVolume, EngineCall, EngineQuery, Put, Reply, Run, quote
 
 OWNER = "srprov.owner"
@@ -36,6 +36,8 @@ SEED = "srprov.seed"
 SERVICES = "srprov.services"
 _HASH = re.compile(r"[0-9a-f]{24}")
 _USER = re.compile(r"([0-9]{1,10}(:[0-9]{1,10})?)?")
+_LONGEST = 64
+"""Characters of a proof, or of a time: they are kept here for what `--adopt` took over."""
 _HALF = "srprov-copy."
 _NAME = "srprov."
 _NAME_FILTER = canonical({"name": [_NAME]})
@@ -124,10 +126,10 @@ class VolumeModule(Module[VolumeParams]):
             if instance := _named_for(name) or labels.get(INSTANCE):
                 state = {
                     "source": labels.get(SOURCE, ""),
-                    "owner": labels.get(OWNER, ""),
-                    "copy": labels.get(COPY, ""),
+                    "owner": text(labels.get(OWNER), length=_LONGEST),
+                    "copy": text(labels.get(COPY), length=_LONGEST),
                     "seed": seed if _HASH.fullmatch(seed := labels.get(SEED, "")) else "",
-                    "created": string(item.get("CreatedAt")),
+                    "created": text(item.get("CreatedAt"), length=_LONGEST),
                     "place": string(item.get("Mountpoint")),
                     "half": name in halves or half_copy(name) in halves,
                 }

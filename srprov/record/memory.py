@@ -154,7 +154,7 @@ def _images() -> Path:
 def _write(place: Path, document: object) -> str:
     """Replace a file; return why that is not possible, or nothing."""
     try:
-        believed.write(place, json.dumps(document))
+        believed.write(place, json.dumps(document), _LONGEST)
     except OSError as error:
         return f"{error.filename or place}: {error.strerror or error}"
     return ""

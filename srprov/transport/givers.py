@@ -46,7 +46,7 @@ class Givers:
             known[digest] = [*robots, robot][-_MOST_GIVERS:]
             self._known = dict(list(known.items())[-_MOST_DIGESTS:])
             with contextlib.suppress(OSError):  # it is read from the robot once more
-                believed.write(self._path, json.dumps(self._known))
+                believed.write(self._path, json.dumps(self._known), _MOST_BYTES)
 
     def _read(self) -> dict[str, list[str]]:
         try:

@@ -193,13 +193,13 @@ def test_nothing_is_forgotten_by_way_of_what_others_put_there(top: Path, tmp_pat
 
 
 def test_a_folder_that_is_the_users_alone_is_believed(top: Path) -> None:
-    believed.write(top / "srprov" / "a" / "b.json", json.dumps(1))
+    believed.write(top / "srprov" / "a" / "b.json", json.dumps(1), 1 << 10)
     assert believed.read(top / "srprov" / "a" / "b.json", 10) == b"1"
     assert (top / "srprov").stat().st_mode & 0o777 == 0o700
 
 
 def test_an_access_list_that_lets_nobody_else_write_is_no_harm(top: Path) -> None:
-    believed.write(top / "srprov" / "a.json", "1")
+    believed.write(top / "srprov" / "a.json", "1", 1 << 10)
     grant(top, user=65534, rights=5)
     assert believed.read(top / "srprov" / "a.json", 10) == b"1"
 
@@ -241,3 +241,12 @@ def test_nothing_is_made_or_changed_by_way_of_somebody_else_s_link(top: Path, tm
     (tmp_path / "own").write_bytes(b"private")
     assert datasets.digest(str(tmp_path / "own"))[0] == SHA256
     assert elsewhere.stat().st_mode & 0o777 == 0o755 and not list(elsewhere.iterdir())
+
+
+def test_nothing_is_written_that_is_longer_than_what_is_read_again(top: Path) -> None:
+    """Words of robots are kept, too: all that a file had told before would be forgotten with them."""
+    place = top / "srprov" / "a.json"
+    believed.write(place, "old", 3)
+    with pytest.raises(OSError, match="that are read of it"):
+        believed.write(place, "newer", 3)
+    assert believed.read(place, 3) == b"old"

@@ -20,11 +20,13 @@ from srprov.controller.request import PlanRequest
 from srprov.definitions.containermodel import Mount
 from srprov.definitions.expand import expand
 from srprov.definitions.model import Experiment
-from srprov.errors import RefusedError
+from srprov.errors import RefusedError, UsageError
 from srprov.facts.model import HostFacts, Snapshot
+from srprov.modules import MODULES
 from srprov.planning.diff import diff, removal_plan
 from srprov.planning.plan import Plan
 from srprov.resource import Action, Observed, Resource
+from srprov.wire import Reply
 from tests.resources import resource
 from tests.worlds import experiment, service
 
@@ -225,3 +227,27 @@ def test_kept_data_is_removed_on_its_robot_alone() -> None:
     found = Snapshot(facts={}, observed={"r1": (volume("r1"),), "r2": (box, volume("r2"))})
     (row,) = volume_rows(found, "", kept=True)
     assert remedy(row) == "srprov destroy --instance x --volumes --limit r1"
+
+
+def test_what_a_robot_says_of_its_volumes_makes_nobody_forget_the_token(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With `--adopt` labels of a robot are kept beside the token by which the volumes of all robots are known."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    keep(MINE)
+    said = [
+        {"Name": f"srprov.x.v{one}", "CreatedAt": "9" * 60_000, "Labels": {"srprov.owner": "f" * 60_000}}
+        for one in range(30)
+    ]
+    replies = [Reply(status=200, out=json.dumps({"Volumes": said})), Reply(status=200, out="{}")]
+    found = MODULES["volume"].parse(replies)
+    snapshot = Snapshot(facts={"r1": HostFacts(name="r1")}, observed={"r1": found}, unreachable={})
+    adopted = holdings(snapshot, "x", MINE, adopt=True).adopted
+    assert len(adopted) == 30
+    keep(dataclasses.replace(MINE, adopted=adopted))
+    assert read_owner("x", MINE.edf).token == MINE.token
+
+    many = frozenset(str(one) * 200 for one in range(2000))
+    with pytest.raises(UsageError, match="cannot write"):
+        keep(dataclasses.replace(MINE, adopted=many))
+    assert read_owner("x", MINE.edf).token == MINE.token
