@@ -21,6 +21,9 @@ AskEach = Callable[[Mapping[str, Sequence[AnyQuery]]], Mapping[str, Sequence[Rep
 MOST_ROBOTS = 3
 """That are asked for the same: they must agree, as one alone could say what it likes."""
 _DIGEST = re.compile(r"sha256:[0-9a-f]{64}")
+PLATFORM = re.compile(r"[a-z0-9]{1,16}/[a-z0-9]{1,16}(/v[0-9]{1,2})?")
+_MOST_PLATFORMS = 100
+"""Of an image, that a robot tells: a lock of more could not be read again."""
 _LONG_S = 60.0
 
 Found = tuple[str, tuple[str, ...]]
@@ -78,15 +81,16 @@ def _agreed(name: str, replies: Mapping[str, Reply]) -> Found:
             hint="look at the registries or mirrors that they use",
             code=Code.DIGESTS,
         )
-    return next(iter(found.values()))
+    digest = next(iter(found.values()))[0]
+    return digest, tuple(sorted({one for _, platforms in found.values() for one in platforms}))
 
 
 def _digest(reply: Reply) -> Found | None:
     answer = mapping(reply.json()) if reply.ok else {}
     digest = string(mapping(answer.get("Descriptor")).get("digest"))
-    platforms = [
+    platforms = {
         "/".join(word for key in ("os", "architecture", "variant") if (word := string(one.get(key))))
-        for one in mappings(answer.get("Platforms"))
-    ]
-    plain = tuple(sorted({one for one in platforms if re.fullmatch(r"[a-z0-9]+/[a-z0-9]+(/v[0-9]+)?", one)}))
+        for one in mappings(answer.get("Platforms"), most=_MOST_PLATFORMS)
+    }
+    plain = tuple(sorted(filter(PLATFORM.fullmatch, platforms)))
     return (digest, plain) if _DIGEST.fullmatch(digest) else None

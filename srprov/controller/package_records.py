@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from srprov import disk
 from srprov.codes import Code
-from srprov.controller.digests import AskEach
+from srprov.controller.digests import PLATFORM, AskEach
 from srprov.controller.image_plans import plan_images
 from srprov.controller.pins import pinned
 from srprov.definitions.lockfile import Lock, Packages
@@ -111,7 +111,8 @@ def _wanted(
 
 def _platform(said: Mapping[str, object]) -> str:
     words = [string(said.get(key)) for key in ("Os", "Architecture", "Variant")]
-    return "/".join(word for word in words if word) if all(word.isalnum() for word in words if word) else ""
+    platform = "/".join(word for word in words if word)
+    return platform if PLATFORM.fullmatch(platform) else ""
 
 
 def _read_on(session: Session, wanted: Sequence[_Read]) -> Iterator[tuple[_Read, Packages | str]]:

@@ -371,3 +371,20 @@ def test_a_robot_that_is_held_is_not_read(here: Path, monkeypatch: pytest.Monkey
 def test_a_lock_is_never_out_of_date_for_its_records(here: Path) -> None:
     found = load_experiment("e.edf", {})
     assert differences(found, replace(_lock(here), packages=())) == differences(found, _lock(here)) == []
+
+
+def test_whatever_platforms_a_robot_tells_the_lock_can_be_read_again(tmp_path: Path) -> None:
+    """Nor is what the others tell left out: a plan for a robot of another architecture is refused."""
+
+    def told(platforms: list[dict[str, str]]) -> Reply:
+        return Reply(status=200, out=json.dumps({"Descriptor": {"digest": OLD}, "Platforms": platforms}))
+
+    lies = [{"os": "linux", "architecture": "x" * 60_000}, *({"os": f"o{n}", "architecture": "a"} for n in range(2000))]
+    replies = {"r1": [told(lies)], "r2": [told([{"os": "linux", "architecture": "amd64"}])]}
+    digest, platforms = digests.look_up(lambda _asked: replies, ["r1", "r2"], [BUSYBOX], ())[BUSYBOX]
+    assert "linux/amd64" in platforms
+    odd = package_records._platform({"Os": "linux", "Architecture": "\u00b2" * 60_000})
+    path = tmp_path / "e.lock"
+    path.write_text(dump(Lock(digests={BUSYBOX: digest}, platforms={BUSYBOX: platforms}, version="1")))
+    read = load(str(path))
+    assert read is not None and read.platforms[BUSYBOX] == platforms and odd == ""
