@@ -60,8 +60,11 @@ def digest(path: str) -> tuple[str, int]:
         if _identity(os.fstat(file.fileno())) != identity:
             raise OSError(errno.EBUSY, regular_file.CHANGED, path)
     known[path] = [*identity, found.hexdigest()]
+    text = json.dumps(known)
+    if len(text) > _MOST_KNOWN:
+        text = json.dumps({path: known[path]})  # it begins anew, or nothing would be kept any more
     with contextlib.suppress(OSError):  # it is read again next time
-        believed.write(_named() / "known.json", json.dumps(known), _MOST_KNOWN)
+        believed.write(_named() / "known.json", text, _MOST_KNOWN)
     return found.hexdigest(), identity[2]
 
 

@@ -82,6 +82,16 @@ def test_a_file_is_hashed_again_only_when_it_changed(tmp_path: Path, monkeypatch
     assert (datasets.folder() / "known.json").stat().st_mode & 0o777 == 0o600
 
 
+def test_a_list_of_known_files_that_is_full_begins_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    paths = [tmp_path / "a", tmp_path / "b"]
+    for path in paths:
+        path.write_bytes(path.name.encode())
+    datasets.digest(str(paths[0]))
+    monkeypatch.setattr(datasets, "_MOST_KNOWN", (datasets.folder() / "known.json").stat().st_size + 10)
+    datasets.digest(str(paths[1]))
+    assert [datasets.find(hashlib.sha256(path.name.encode()).hexdigest()) for path in paths] == [None, paths[1]]
+
+
 def test_a_link_in_the_place_of_a_checked_file_is_not_followed(tmp_path: Path) -> None:
     (tmp_path / "other").write_text("x")
     (tmp_path / "f").symlink_to(tmp_path / "other")
