@@ -22,7 +22,7 @@ from srprov.errors import RefusedError, UsageError
 from srprov.secret import Vault, redact, redacted
 
 if TYPE_CHECKING:
-    from srprov.planning.plan import Plan, Step
+    from srprov.planning.plan import Plan
     from srprov.planning.planfile import PlanFile
 
 
@@ -171,16 +171,11 @@ def show_plan(
             told = "The placement was chosen by how the robots are at this moment; `plan -o FILE` keeps it for `apply`."
             out_whole(told)
     else:
-        steps = [_shown(step, one) for step, one in zip(made.steps, as_json["steps"], strict=True)]
+        steps = [_shown(one) for one in as_json["steps"]]
         out_json_whole({**as_json, "steps": steps}, {*ASKED, "steps"})
         err_whole(summary(made))
 
 
-def _shown(step: Step, as_json: Mapping[str, Any]) -> Mapping[str, Any]:
+def _shown(step: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return a step without secrets where it may hold one: what a new container has follows from none."""
-    from srprov.planning.brought import brought
-
-    made = brought(step)
-    cause = step.change.cause.removesuffix(made)
-    whole = redact(cause) + step.change.cause[len(cause) :]
-    return {**{key: redacted(one) for key, one in as_json.items()}, "cause": whole}
+    return {key: one if key == "makes" else redacted(one) for key, one in step.items()}

@@ -19,7 +19,7 @@ from srprov.errors import TransportError, UsageError, visible
 from srprov.execution.trial_robots import TrialContainer
 from srprov.modules import RUNNING
 from srprov.modules.container_commands import creation
-from srprov.modules.container_form import shown_mounts
+from srprov.modules.container_form import told
 from srprov.modules.container_params import ContainerParams
 from srprov.planning.diff import diff
 from srprov.planning.plan import Step
@@ -194,7 +194,6 @@ def in_words(plan: TrialPlan) -> str:
         for one in sorted((one for one in plan.services if one.host == host), key=lambda one: one.name):
             names = (one.service, plan.origin[one.service])
             kinds = sorted({asked.kind for asked in plan.base.plan.permissions if asked.service in names})
-            asks = f", asks for {', '.join(kinds)}" if kinds else ""
-            has = f"{one.params.publishes()}{shown_mounts(one.params)}"
-            lines.append(f"  + container {one.name}: image {one.params.image}{asks}{has}")
+            asks = f"; asks for {', '.join(kinds)}" if kinds else ""
+            lines.append(f"  + container {one.name}: {told(one.params)}{asks}")
     return "\n".join(visible(line) for line in lines)

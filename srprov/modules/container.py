@@ -78,8 +78,7 @@ class ContainerModule(Module[ContainerParams]):
     def check(self, name: str, want: ContainerParams, found: State | None) -> Change | None:
         """Compare by hash, then by what the process does."""
         if found is None:
-            cause = f"not there{container_form.told(want)}"
-            return Change(action=Action.CREATE, cause=cause, commands=_create_and_start(name, want))
+            return Change(action=Action.CREATE, cause="not there", commands=_create_and_start(name, want))
         if found["hash"] != hashes(want)[0]:
             return _replacement(name, want, found, differing(found["parts"], want))
         if cause := changed_limits(want, found["limits"]) or _wrong_address(want, found):

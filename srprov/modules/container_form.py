@@ -51,8 +51,8 @@ def is_own(want: ContainerParams, names: Names) -> bool:
 
 
 def told(want: ContainerParams) -> str:
-    """Return what the plan's line of a container that is made says whole: what it runs, publishes and mounts."""
-    return f"; image {want.image}{want.publishes()}{shown_mounts(want)}"
+    """Return what a plan says whole of a container that is made: what it runs, publishes and mounts."""
+    return f"image {want.image}{want.publishes()}{shown_mounts(want)}"
 
 
 def shown_mounts(want: ContainerParams) -> str:

@@ -120,8 +120,7 @@ def _groups(steps: Iterable[Step]) -> list[_Group]:
     found: dict[object, list[Step]] = {}
     for step in steps:
         change = step.change
-        why_ = why(step, str, str)
-        key = (change.action, step.module, step.name, why_, change.destructive, step.differences)
+        key = (change.action, step.module, step.name, change.cause, step.makes, change.destructive, step.differences)
         found.setdefault(key, []).append(step)
     return [_Group(tuple(few)) for few in found.values()]
 

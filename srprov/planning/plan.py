@@ -39,6 +39,8 @@ class Step(msgspec.Struct, frozen=True, kw_only=True):
     """What is removed, or what an order is about; None otherwise."""
     differences: tuple[Difference, ...] = ()
     """Which values it changes, as far as that is known; only shown."""
+    makes: str = ""
+    """What it makes, in words, by what is wanted (`planning.brought`); only shown."""
     order: str = ""
     """A user's `stop`, `start` or `restart` of what is there, which is in no plan that is made or read."""
 
@@ -166,6 +168,7 @@ def step_json(step: Step) -> dict[str, Any]:
         "name": step.name,
         "action": step.change.action.name.lower(),
         "cause": step.change.cause,
+        **({"makes": step.makes} if step.makes else {}),
         "destructive": step.change.destructive,
         "needs": list(step.needs),
         "waits": [{"id": need.id, "condition": need.condition} for need in step.waits],

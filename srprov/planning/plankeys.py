@@ -90,6 +90,7 @@ class StepKeys(msgspec.Struct, frozen=True, kw_only=True):
     before: Mapping[str, Any] | None
     want: WantKeys | None
     found: FoundKeys | None
+    makes: AnyText = AnyText("")
     differences: tuple[DifferenceKeys, ...] = ()
 
 

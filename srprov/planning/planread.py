@@ -152,6 +152,7 @@ def _step(read: StepKeys, blobs: Mapping[str, bytes]) -> Step:
         if found
         else None,
         differences=tuple(_difference(one) for one in read.differences),
+        makes=read.makes,
     )
 
 

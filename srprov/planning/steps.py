@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping
 from msgspec.structs import replace
 
 from srprov.modules import MODULES, RANK
+from srprov.planning.brought import brought
 from srprov.planning.plan import Step
 from srprov.resource import Action, Change, Condition, Need, Observed, Resource
 
@@ -42,7 +43,10 @@ def due_step(resource: Resource, item: Observed | None) -> Step | None:
 
 def step_of(resource: Resource, change: Change) -> Step:
     """Return the step of a change."""
-    return Step(number=0, host=resource.host, module=resource.module, name=resource.name, change=change, want=resource)
+    return Step(
+        number=0, host=resource.host, module=resource.module, name=resource.name, change=change, want=resource,
+        makes=brought(resource, change),
+    )  # fmt: skip
 
 
 def new_step(resource: Resource, cause: str, before: Observed | None = None) -> Step:

@@ -10,7 +10,6 @@ from typing import TypeAlias
 from srprov.errors import visible
 from srprov.modules import MODULES
 from srprov.modules.differences import line_diff
-from srprov.planning.brought import brought
 from srprov.planning.plan import Step
 from srprov.resource import Action, Difference
 
@@ -97,8 +96,7 @@ def value(text: str | None) -> str:
 
 def why(step: Step, hide: Hide, form: Callable[[str], str] = visible) -> str:
     """Return the cause of a step without secrets, and what it makes, which no secret of a stranger's hides."""
-    made = brought(step)
-    return hide(form(step.change.cause.removesuffix(made))) + form(made)
+    return hide(form(step.change.cause)) + (f"; {form(step.makes)}" if step.makes else "")
 
 
 def _symbol(steps: Sequence[Step]) -> str:

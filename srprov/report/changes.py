@@ -57,7 +57,8 @@ def _row(at: int, step: PlannedStep | None, end: StepEnd | None) -> Row:
         return Row(number=at, robot=robot, what=what, outcome=outcome_, message=message)
     after = [f"#{one}" for one in step.needs] + [f"{one.id} {one.condition}" for one in step.waits]
     return Row(
-        number=at, robot=step.robot, what=f"{step.module}:{step.name}", action=step.action, cause=step.cause,
+        number=at, robot=step.robot, what=f"{step.module}:{step.name}", action=step.action,
+        cause="; ".join(filter(None, (step.cause, step.makes))),
         destructive=step.destructive, after=", ".join(after), differences=step.differences, outcome=outcome_,
         message=message,
     )  # fmt: skip

@@ -42,6 +42,7 @@ class PlannedStep(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     action: str
     cause: str = ""
+    makes: str = ""
     destructive: bool = False
     needs: tuple[Whole, ...] = ()
     waits: tuple[Need, ...] = ()

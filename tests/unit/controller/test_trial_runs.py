@@ -52,7 +52,7 @@ def test_the_shown_plan_names_what_each_trial_creates() -> None:
         "  + container srprov.hello.referee: image judge:2; publishes 8080:80/tcp; mounts volume bag at /bag",
         "",
         "r2",
-        "  + container srprov.hello.racer: image race:1, asks for privileged",
+        "  + container srprov.hello.racer: image race:1; asks for privileged",
     ]
 
 

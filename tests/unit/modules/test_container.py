@@ -13,6 +13,7 @@ from msgspec.structs import replace
 from srprov.definitions.containermodel import HealthCheck, Logging, Mount, Runtime
 from srprov.modules import MODULES
 from srprov.modules.container_body import parts_of
+from srprov.modules.container_form import told
 from srprov.modules.container_limits import changed_limits
 from srprov.published import ranges
 from srprov.resource import Action, Resource
@@ -194,8 +195,7 @@ def test_the_plan_says_which_ports_of_the_robot_a_new_container_takes(mode: Any,
     """All: the last may be the one that the robot's own programs ask. In its network a port is only declared."""
     ports = tuple(("127.0.0.1" if number % 2 else "", 8000 + number, 80, "tcp") for number in range(count))
     want = replace(WANT.params, run=Runtime(ports=ports), network=replace(WANT.params.network, mode=mode))
-    change = MODULES["container"].check(WANT.name, want, None)
-    assert change is not None and change.cause == f"not there; image busybox:latest{said}"
+    assert told(want) == f"image busybox:latest{said}"
 
 
 def test_neighbours_among_published_ports_are_one_range() -> None:
@@ -233,10 +233,8 @@ def test_the_plan_says_what_a_new_container_mounts_but_not_what_each_has() -> No
         {"Type": "bind", "Source": f"{kept}/cyclonedds.xml", "Target": "/run/x.xml", "ReadOnly": True},
         {"Type": "tmpfs", "Target": "/tmp"},
     )
-    change = MODULES["container"].check(WANT.name, replace(WANT.params, mounts=mounts), None)
-    assert change is not None
-    assert change.cause == (
-        'not there; image busybox:latest; mounts volume bag at /bag (read-only), "app, two.yml" at /etc/app.yml, '
+    assert told(replace(WANT.params, mounts=mounts)) == (
+        'image busybox:latest; mounts volume bag at /bag (read-only), "app, two.yml" at /etc/app.yml, '
         "the robot's /srv/maps at /maps, secret token at /run/secrets/token"
     )
 
@@ -246,11 +244,8 @@ def test_the_plan_says_of_a_new_container_what_it_mounts_that_no_edf_leads_to() 
     others: dict[str, Any] = {"Type": "volume", "Source": "srprov.other.keys", "Target": "/k", "ReadOnly": False}
     folder: dict[str, Any] = {**others, "Source": "srprov.hello.bag"}
     folder["VolumeOptions"] = {"DriverConfig": {"Name": "local"}}
-    change = MODULES["container"].check(WANT.name, replace(WANT.params, mounts=(others, folder)), None)
-    assert change is not None
-    assert change.cause == (
-        "not there; image busybox:latest; mounts "
-        '{"ReadOnly":false,"Source":"srprov.other.keys","Target":"/k","Type":"volume"}, '
+    assert told(replace(WANT.params, mounts=(others, folder))) == (
+        'image busybox:latest; mounts {"ReadOnly":false,"Source":"srprov.other.keys","Target":"/k","Type":"volume"}, '
         '{"ReadOnly":false,"Source":"srprov.hello.bag","Target":"/k","Type":"volume",'
         '"VolumeOptions":{"DriverConfig":{"Name":"local"}}}'
     )
