@@ -13,6 +13,7 @@ _LOGS = ("", "json-file", "local", "none")
 _BOUNDS = ("max-size", "max-file", "compress", "mode")
 """Options that say nothing of the lines. The owner's driver may send these to root's programs, where a `tag` with a
 command in it, or a variable, has lines of its own."""
+ANY_DRIVER = f"no driver is named, such as json-file, so the engine's own has it, which may be any: {TOLD}"
 _SIZE = r"((6[4-9]|[7-9]\d|[1-9]\d{2,6})k|[1-9]\d{0,5}[mg]|[1-9]\d{5,11})(i?b)?"
 _LOG_OPTIONS = {
     "max-size": re.compile(_SIZE, re.ASCII | re.IGNORECASE),
@@ -39,5 +40,4 @@ def of_logging(log: Logging | None) -> Iterator[str]:
     for name, value in sorted(log.options.items()) if log else ():
         form = _LOG_OPTIONS.get(name) if plain and log and (log.driver or name in _BOUNDS) else None
         if form is None or not form.fullmatch(value):
-            # with no driver named it is that of the robot's own, which may be any
-            yield noted(f"option {name}={value}", "" if log and log.driver else TOLD)
+            yield noted(f"option {name}={value}", "" if log and log.driver else ANY_DRIVER)
