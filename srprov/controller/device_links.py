@@ -19,9 +19,9 @@ _ANY = "it may be any device"
 
 
 def where_they_lead(services: Iterable[Service]) -> Query:
-    """Ask for the numbers of those devices that are not there, and where those lead that have a link in them."""
+    """Ask where the devices lead, each by its number."""
     tests = [
-        f'[ -e {quote(path)} ] || echo {number}\nr=$(readlink -f {quote(path)}) && printf "%s %s\\n" {number} "$r"'
+        f'r=$(readlink -f {quote(path)}) && printf "%s %s\\n" {number} "$r"'
         for number, path in enumerate(_users(services))
     ]
     return Query(command="\n".join([*tests, ":"]))
