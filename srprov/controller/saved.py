@@ -23,6 +23,7 @@ from srprov.controller.ownership import check_source, looking, owned
 from srprov.controller.permissions import require_decided
 from srprov.controller.plan import Planned
 from srprov.controller.plan_proof import check_claim, proved, provers
+from srprov.controller.robots_notes import notes_of_robots
 from srprov.controller.staleness import refuse_stale
 from srprov.controller.writers import check_writers
 from srprov.definitions.model import BUILDERS, NetworkSettings
@@ -37,7 +38,7 @@ from srprov.network.record import read_record
 from srprov.planning.diff import diff
 from srprov.planning.fingerprint import fingerprints, relied_on
 from srprov.planning.limit import limited
-from srprov.planning.plan import Step
+from srprov.planning.plan import Plan, Step
 from srprov.planning.planfile import PlanFile, differences, step_out
 from srprov.planning.planread import named
 from srprov.planning.target import targeted
@@ -142,8 +143,14 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
         check_writers(steps, [(want.host, one) for want, one in services_of(saved)], look)
         if not (owners or signed):  # last: of a file that was changed it is told what was
             check_claim(saved, snapshot, adopt=adopt)
-    unreachable = {**saved.plan.unreachable, **snapshot.unreachable}
-    return Planned(plan=replace(saved.plan, steps=steps, unreachable=unreachable), saved=saved)
+        noted = () if owners else notes_of_robots(steps, snapshot, look)
+    return Planned(plan=_as_found(saved.plan, steps, noted, snapshot), saved=saved)
+
+
+def _as_found(plan: Plan, steps: tuple[Step, ...], noted: tuple[str, ...], snapshot: Snapshot) -> Plan:
+    """Return a file's plan with its steps as they were derived, and what robots say."""
+    notes = tuple(dict.fromkeys((*plan.notes, *noted)))
+    return replace(plan, steps=steps, notes=notes, unreachable={**plan.unreachable, **snapshot.unreachable})
 
 
 def _check_networks(wants: tuple[Resource, ...], instance: str, believed: Snapshot) -> None:

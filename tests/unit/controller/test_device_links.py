@@ -8,10 +8,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from srprov.controller.device_links import graver_devices, where_they_lead
+from srprov.controller.owners import read_owner
+from srprov.controller.request import PlanRequest
+from srprov.controller.saved import check_plan, kept_plan
+from srprov.definitions.model import Definitions
+from srprov.planning.planfile import dump
+from srprov.planning.planread import load
 from tests.fakes import World
-from tests.worlds import experiment, plan_for, service
+from tests.worlds import experiment, fleet, made, plan_for, service
 
 ROOT = "as good as root on the robot"
 
@@ -58,3 +65,21 @@ def test_a_shell_says_where_each_leads(tmp_path: Path) -> None:
         f"the device {one}, which 'a' has, leads to {other} (it may be any device)"
     ]
     assert where_they_lead([service("b")]).command == ":"
+
+
+def test_a_plan_file_of_elsewhere_is_shown_with_it_whatever_its_notes_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever wrote the file wrote its notes; so with the robot's folders."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    world = World().add("r1")
+    world.robots["r1"].leads = "/dev/uinput"
+    what = experiment(having("/dev/video0"))
+    request = PlanRequest(exact=True, adopt=True, owner=read_owner(what.name, what.file))
+    planned = made(world, Definitions(experiment=what, containers={}), request)
+    saved = load(dump(kept_plan(replace(planned, definitions=None))), "plan.json")
+    note = f"r1: the device /dev/video0, which 'a' has, leads to /dev/uinput (may be {ROOT})"
+    assert saved.plan.notes.count(note) == check_plan(saved, fleet(world)).plan.notes.count(note) == 1
+    for notes in ((), saved.plan.notes):
+        other = replace(saved, plan=replace(saved.plan, notes=notes), proof="")
+        assert check_plan(other, fleet(world), adopt=True).plan.notes.count(note) == 1
