@@ -15,7 +15,7 @@ from srprov.cli.config import OWN_FIRST, ConfigFile, files, places, user_folder
 from srprov.cli.output import out, out_json
 from srprov.cli.status import table
 from srprov.cli.variables import long_name
-from srprov.cli.whose_inventory import is_of
+from srprov.cli.whose_inventory import is_of, verbs_of
 from srprov.codes import Code
 from srprov.errors import UsageError, did_you_mean
 
@@ -54,7 +54,7 @@ def configured(context: click.Context, verb: str | None, changed: bool, as_json:
     if verb is not None and verb not in verbs:
         raise UsageError(f"no verb '{verb}' has settings", hint=did_you_mean(verb, verbs), code=Code.UNKNOWN_VERB)
     every = files(Path.cwd(), os.environ)
-    lines = {file: places(_verbs(root), file) for file in every}
+    lines = {file: places(verbs_of(root), file) for file in every}
     rows = [row for name in ([verb] if verb else verbs) for row in _rows(group, root, name, lines)]
     rows = [row for row in rows if not changed or row["source"] != "default"]
     own = _own_files(every)
@@ -73,11 +73,6 @@ def configured(context: click.Context, verb: str | None, changed: bool, as_json:
     if given and verb is None:
         out("\n" + table(given, ("variable", "value", "what")))
     return 0
-
-
-def _verbs(context: click.Context) -> Mapping[str, Any]:
-    root = context.find_root()
-    return dict.fromkeys(root.command.list_commands(root) if isinstance(root.command, click.Group) else (), "")
 
 
 def _rows(
@@ -113,7 +108,7 @@ def _setting(
         found |= {"source": "environment", "variable": _variable(option, context)}
     elif source is ParameterSource.DEFAULT_MAP:
         having = [one for one in lines if (verb, option.name) in lines[one]]
-        own = option.name in OWN_FIRST and is_of(having[0], _verbs(context), verb, value)
+        own = option.name in OWN_FIRST and is_of(having[0], verbs_of(context), verb, value)
         file = having[0] if own else having[-1]
         place = {"file": str(file.path), "line": lines[file][verb, option.name or ""]}
         found |= {"source": "user" if file.own else "project", **place}

@@ -52,9 +52,14 @@ def is_of(file: ConfigFile, verbs: Mapping[str, Any], verb: str, paths: Collecti
     return list(paths) == set_for(verb, read_table(file, verbs)[0], file).get("inventories")
 
 
+def verbs_of(context: click.Context) -> Mapping[str, Any]:
+    """Return all verbs, as keys."""
+    root = context.find_root()
+    return dict.fromkeys(root.command.list_commands(root) if isinstance(root.command, click.Group) else (), "")
+
+
 def _having_inventory(context: click.Context) -> tuple[list[tuple[ConfigFile, int]], Mapping[str, Any], str]:
     """Return the files that name an inventory for this verb, from weak to strong, and the line; all verbs; this one."""
-    root, verb = context.find_root(), context.command_path.split()[1]
-    verbs = dict.fromkeys(root.command.list_commands(root) if isinstance(root.command, click.Group) else (), "")
+    verbs, verb = verbs_of(context), context.command_path.split()[1]
     found = [(file, places(verbs, file).get((verb, "inventories"))) for file in files(Path.cwd(), os.environ)]
     return [(file, line) for file, line in found if line is not None], verbs, verb
