@@ -3,7 +3,8 @@
 | moment | the module's `check` says | outcome                                       |
 |--------|---------------------------|-----------------------------------------------|
 | before | it is right               | unchanged: somebody was faster                |
-| before | another change is due     | failed: stale, plan again                     |
+| before | another change is due, or | failed: stale, plan again (`stale`)           |
+|        | somebody else's is there  |                                               |
 | act    | -                         | failed, with the command and what it said     |
 | after  | still a change            | failed: did not converge                      |
 | after  | it is right               | changed                                       |
@@ -23,6 +24,7 @@ from srprov.execution.architecture import wrong_architecture
 from srprov.execution.failure_text import failure_text, last_lines
 from srprov.execution.options import STOP_TIMEOUT_S
 from srprov.execution.outcome import Event, Listener, Outcome, StepResult
+from srprov.execution.stale import due, refused
 from srprov.execution.stopping import stop_together
 from srprov.execution.triggers import kept_apart, refuse_triggers
 from srprov.modules import MODULES, PROBING, RUNNING
@@ -90,10 +92,10 @@ class RobotExecutor:
         for step in steps:
             self.listener(Event(kind="start", host=step.host, step=step))
         results: dict[int, StepResult | None] = {step.number: self._refused(step) for step in steps}
-        due = [step for step in steps if results[step.number] is None]
-        replies = self.session.execute_all([_only(step) for step in due])
+        left = [step for step in steps if results[step.number] is None]
+        replies = self.session.execute_all([_only(step) for step in left])
         took = (time.monotonic() - started) / len(steps)
-        for step, reply in zip(due, replies, strict=True):
+        for step, reply in zip(left, replies, strict=True):
             if reply.ok:
                 self._done(step, took)
             else:
@@ -107,30 +109,24 @@ class RobotExecutor:
         Raises:
             TransportError: The robot cannot be talked to any more.
         """
-        due = [step for step in steps if step.number not in self.stopped and self._refused(step) is None]
-        if len(due) > 1:
-            self.listener(Event(kind="progress", host=due[0].host, step=due[0], text=f"stopping {len(due)} containers"))
-            self.stopped |= {step.number for step in due}
-            self.session.execute(stop_together(due, self.stop_timeout_s))
+        left = [step for step in steps if step.number not in self.stopped and self._refused(step) is None]
+        if len(left) > 1:
+            told = f"stopping {len(left)} containers"
+            self.listener(Event(kind="progress", host=left[0].host, step=left[0], text=told))
+            self.stopped |= {step.number for step in left}
+            self.session.execute(stop_together(left, self.stop_timeout_s))
 
     def _refused(self, step: Step) -> StepResult | None:
         """Say why a step is not to be done, or nothing."""
-        change = self._due(step)
-        if change is None:
-            why = "its check holds by now" if step.module in PROBING else "somebody was faster"
-            return StepResult(step=step, outcome=Outcome.UNCHANGED, message=why)
-        if step.want is not None and change.commands != step.commands:
-            message = f"the robot changed since the plan was made: now {change.cause}; plan again"
-            return StepResult(step=step, outcome=Outcome.FAILED, message=message)
-        return None
+        return refused(step, (self.seen or {}).get((step.module, step.name)), self._due(step))
 
     def _act(self, step: Step) -> StepResult | None:
         """Do one step."""
         started = time.monotonic()
         self.listener(Event(kind="start", host=step.host, step=step))
         self._probe(step)
-        if refused := self._refused(step):
-            return refused
+        if stale := self._refused(step):
+            return stale
         for command in step.commands:
             reply = self._execute(step, command, lambda line: self._progress(step, line))
             if not reply.ok:
@@ -139,9 +135,9 @@ class RobotExecutor:
             if isinstance(command, CopyImage):
                 self.copied[step.number] = reply.out
         self._probe(step)
-        if step.module in PROBING and (due := self._due(step)):
+        if step.module in PROBING and (more := self._due(step)):
             # what needs it must not begin, so it is not left to the end of the batch
-            took, message = time.monotonic() - started, f"it ran, and did not converge: {due.cause}"
+            took, message = time.monotonic() - started, f"it ran, and did not converge: {more.cause}"
             return StepResult(step=step, outcome=Outcome.FAILED, message=message, duration_s=took)
         self._done(step, time.monotonic() - started)
         return None
@@ -170,13 +166,13 @@ class RobotExecutor:
 
     def verdict(self, step: Step, failed: str = "did not converge") -> StepResult:
         """Return what came of a step that was acted on, by what `refresh` saw after it; `failed` begins its message."""
-        due = self._due(step)
+        more = self._due(step)
         remade = step.want is None and step.id in self.made
-        if due is None or remade:
+        if more is None or remade:
             seen = (self.seen or {}).get((step.module, step.name))
             took, sent, after = self.acted[step.number], self.copied.get(step.number, ""), seen.state if seen else None
             return StepResult(step=step, outcome=Outcome.CHANGED, message=sent, duration_s=took, after=after)
-        message = f"{failed}: {due.cause}{self._log_end(step)}"
+        message = f"{failed}: {more.cause}{self._log_end(step)}"
         return StepResult(step=step, outcome=Outcome.FAILED, message=message, duration_s=self.acted[step.number])
 
     def _probe(self, step: Step) -> None:
@@ -188,13 +184,8 @@ class RobotExecutor:
             self.seen = (self.seen or {}) | seen
 
     def _due(self, step: Step) -> Change | None:
-        seen = self.seen or {}
-        item = seen.get((step.module, step.name))
-        if step.want is not None:
-            return MODULES[step.module].check(step.name, step.want.params, item.state if item else None)
-        if step.order:
-            return self._ordered(step, item)
-        return Change(action=Action.DELETE, cause="still there") if item else None
+        item = (self.seen or {}).get((step.module, step.name))
+        return self._ordered(step, item) if step.order and step.want is None else due(step, item)
 
     def _ordered(self, step: Step, item: Observed | None) -> Change | None:
         """Return what is left of a user's order: all of it before the act, unless it has come true by itself."""
