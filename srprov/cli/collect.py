@@ -32,7 +32,8 @@ def collect(
     """Bring home the results, logs and facts of an applied experiment; nothing is changed on robots.
 
     Results are what FILE names in `results`. Each file is compared by its sha256. Into a folder of an earlier collect
-    comes only what is missing there or has changed, and a transfer that was cut goes on where it ended.
+    comes only what is missing there or has changed, and a transfer that was cut goes on where it ended. What another
+    file made under FILE's name is not brought, unless you name it: --instance.
 
     Exits with 0; with 3 when something that is there could not be fetched, or a required result is missing; with 4 when
     a robot cannot be reached: what the others have is fetched.
@@ -47,7 +48,9 @@ def collect(
         from srprov.controller.collection import collect as bring  # half a second of imports, while robots connect
 
         try:
-            document = bring(fleet, experiment, name, target, lambda text: err(visible(text)), source=source)
+            document = bring(
+                fleet, experiment, name, target, lambda text: err(visible(text)), source=source, meant=bool(instance)
+            )
         except OSError as error:
             hint = "what is in the folder is whole; collect again when that is mended"
             raise UsageError(

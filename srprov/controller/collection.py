@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from srprov import private
+from srprov.codes import Code
 from srprov.controller.bringing import Home
 from srprov.controller.collected import Now, read_earlier
 from srprov.controller.fleet import Fleet
@@ -27,7 +28,7 @@ from srprov.controller.trial_folder import alone, opened
 from srprov.definitions.expand import expand
 from srprov.definitions.model import Experiment
 from srprov.definitions.trialsmodel import Result
-from srprov.errors import SrprovError, TransportError
+from srprov.errors import RefusedError, SrprovError, TransportError
 from srprov.execution.collect import CollectFailed, place_of
 from srprov.execution.trial_patience import EquipmentFailed, Patience
 from srprov.facts.document import facts_document
@@ -67,8 +68,8 @@ class _Service(msgspec.Struct, frozen=True):
 
 
 def collect(
-    fleet: Fleet, experiment: Experiment, instance: str, folder: Path, say: Say, *, source: str
-) -> dict[str, Any]:
+    fleet: Fleet, experiment: Experiment, instance: str, folder: Path, say: Say, *, source: str, meant: bool = False
+) -> dict[str, Any]:  # fmt: skip
     """Bring home what there is, and return what `collected.json` says.
 
     Args:
@@ -78,14 +79,19 @@ def collect(
         folder: Where it comes.
         say: What is told meanwhile, also that another experiment than that of `source` made the instance.
         source: Where the EDF comes from.
+        meant: The user himself named the instance; else its name is the EDF's word, and so are the paths.
 
     Raises:
+        RefusedError: Another experiment made the instance, and only the EDF names it.
         UsageError: Nothing of the instance is on the robots, or the folder is another srprov's, or not as it was left.
         OSError: A document cannot be written here.
     """
     snapshot = fleet.gather(Detail.TRAFFIC, keep_mute=True)
     services = _services(snapshot, experiment, instance)
     if said := made_by_another(looking(snapshot, instance).snapshot, instance, source):
+        if not meant:
+            hint = f"if you mean that one, name it yourself: --instance {instance}"
+            raise RefusedError(said, hint=hint, code=Code.OWNER)
         say(f"note: {said}")
     private.make_folder(folder)
     with opened(folder) as place, alone(folder):

@@ -62,10 +62,22 @@ def pair() -> World:
 
 def collected(world: World, folder: Path, what: Experiment = PAIR) -> Any:
     """Collect, and return what is written."""
-    told = collection.collect(fleet(world), what, "hello", folder, lambda _said: None, source="")
+    told = collection.collect(fleet(world), what, "hello", folder, lambda _said: None, source=f"lab@desk:{PAIR.file}")
     files = {name: json.loads((folder / f"{name}.json").read_text()) for name in ("collected", "containers", "facts")}
     assert files["collected"] == told
     return SimpleNamespace(**files)
+
+
+def test_an_edf_brings_nothing_of_what_another_one_of_its_name_made(tmp_path: Path) -> None:
+    """A stranger's may be called as the user's own one, name what comes, and ship the folder with the next apply."""
+    world, said = pair(), list[str]()
+    with pytest.raises(RefusedError, match=r"was made from lab@desk:.*, not from x$") as refused:
+        collection.collect(fleet(world), PAIR, "hello", tmp_path / "home", said.append, source="x")
+    assert (refused.value.exit_code, "--instance hello" in refused.value.hint) == (9, True)
+    assert not (tmp_path / "home").exists() and not said
+    collection.collect(fleet(world), PAIR, "hello", tmp_path / "home", said.append, source="x", meant=True)
+    assert (tmp_path / "home" / "collected.json").exists()
+    assert [one for one in said if one.startswith("note: instance 'hello' on")], "whoever named it himself is told"
 
 
 def lost(host: str) -> Callable[..., Any]:

@@ -27,6 +27,7 @@ def test_a_link_that_is_put_in_the_folder_s_place_meanwhile_leads_nothing_elsewh
         return every(*given)
 
     monkeypatch.setattr(collection, "_all", swapping)
-    collection.collect(fleet(pair()), PAIR, "hello", tmp_path / "home", lambda _said: None, source="")
+    source = f"lab@desk:{PAIR.file}"
+    collection.collect(fleet(pair()), PAIR, "hello", tmp_path / "home", lambda _said: None, source=source)
     assert os.listdir(own) == ["facts.json"] and (own / "facts.json").read_text() == "mine"
     assert {"facts.json", "collected.json", "logs"} <= set(os.listdir(tmp_path / "moved"))
