@@ -25,6 +25,7 @@ from srprov.controller.trial_connections import LockedRobots
 from srprov.controller.trial_folder import check_new, check_own, make_folder, opened
 from srprov.controller.trial_history import ACCEPT, History, read_history
 from srprov.controller.trial_images import remember
+from srprov.controller.trial_others import refuse_others
 from srprov.controller.trial_plan import TrialPlan
 from srprov.controller.trial_record import keep_session
 from srprov.controller.trial_report import TrialsReport
@@ -96,24 +97,24 @@ def run_trials(
 
     Raises:
         LockHeld: Somebody else holds one of the robots; nothing was changed.
-        RefusedError: The run in the folder is of another experiment.
+        RefusedError: The run in the folder is of another experiment; or a trial's container is somebody else's by now.
         UsageError: The folder cannot be used.
-        OSError: The folder cannot be written any more; the trial under way is lost.
+        OSError: It cannot be written any more; the trial under way is lost.
     """
     assert plan.base.snapshot is not None  # of a plan that was made, not read from a file
     robots = {one.host for one in plan.services} | {step.host for step in plan.base.plan.steps}
     sessions = fleet.connected()
-    for host in sorted(robots - sessions.keys()):  # before it is compared: nothing is known of such a robot
-        away = f"{host} cannot be reached, and trials run there"
-        raise UsageError(away, hint="see `srprov doctor`", code=Code.NEEDED_ROBOT)
+    if away := min(robots - sessions.keys(), default=""):  # before it is compared: nothing is known of such a robot
+        told = f"{away} cannot be reached, and trials run there"
+        raise UsageError(told, hint="see `srprov doctor`", code=Code.NEEDED_ROBOT)
     facts = _robots(plan.base.snapshot)
     same = sameness(plan, facts, plan.base.snapshot.observed)
     folder, earlier = _folder(plan, same, request)
     made = chosen(design(plan.given), request.only)
     fleet.sessions.prepare(sorted(robots))
-    mine = claim(f"run {plan.base.plan.instance}", earlier.name)
-    waiting = lock_options(plan.base.plan, options)
+    mine, waiting = claim(f"run {plan.base.plan.instance}", earlier.name), lock_options(plan.base.plan, options)
     with LockSet(robots, sessions, mine, waiting, stop, listener).acquire() as locks:
+        refuse_others(plan, sessions)
         base = None
         if plan.base.plan.steps and not stop.is_set():
             base = run(plan.base, fleet, replace(options, verb="run"), Phases(), listener, stop, held=locks)

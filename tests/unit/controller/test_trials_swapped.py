@@ -46,6 +46,7 @@ def test_a_link_that_is_put_in_the_folder_s_place_meanwhile_leads_nothing_elsewh
     monkeypatch.setattr(trial_run, "LockedRobots", lambda *_: nullcontext())
     monkeypatch.setattr(trial_run, "run", lambda *_, **__: done)
     monkeypatch.setattr(trial_run, "_images", lambda *_: {})
+    monkeypatch.setattr(trial_run, "refuse_others", lambda *_: None)
     monkeypatch.setattr(trial_run, "Trials", lambda *_: trials)
     sessions: Any = SimpleNamespace(prepare=lambda _: None)
     fleet: Any = SimpleNamespace(connected=lambda: {"r2": None}, sessions=sessions, inventory=inventory(world))
