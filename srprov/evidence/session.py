@@ -22,7 +22,7 @@ from srprov.controller.choice import Choice, checked_choice, read_decided
 from srprov.controller.request import PlanRequest
 from srprov.controller.trial_instances import with_instances
 from srprov.definitions import load_experiment, load_inventory
-from srprov.definitions.model import Definitions
+from srprov.definitions.model import Definitions, repository_in
 from srprov.definitions.trialsmodel import TrialDefinitions
 from srprov.errors import DefinitionError, SrprovError, UsageError
 from srprov.evidence.files import MOST_JSON, Files, NotThere, below, content, json_of
@@ -205,13 +205,15 @@ def data_sets(files: Files, home: str) -> dict[str, str]:
     """Return the places of a session's data sets below its inputs -> their sha256: they are not kept.
 
     Raises:
-        NotThere: One is no place there.
+        NotThere: One is no place there, or would say whose experiment it is.
     """
     found = {}
     for one in mappings(json_of(files, f"{home}/inputs.json").get("files"), most=_MOST_INPUT_FILES):
         if place := string(one.get("data")):
             if not place.startswith("inputs/") or os.path.normpath(place) != place or "\0" in place:
                 raise NotThere(f"{home}/inputs.json has a data set of no place: {place[:200]}")
+            if repository_in(place.split("/"), folder=False) is not None:  # a folder to replay in may have it already
+                raise NotThere(f"{home}/inputs.json has a data set that would make a repository: {place[:200]}")
             found[place.removeprefix("inputs/")] = string(one.get("sha256"))
     return found
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import stat
 from contextlib import suppress
 from pathlib import Path
@@ -71,6 +72,17 @@ def test_a_bundle_does_not_say_whose_experiment_it_is(content: Content, tmp_path
     """
     more = {**content, f"sessions/1/inputs/{place}": b'[remote "origin"]\nurl = https://lab.example/race.git\n'}
     with pytest.raises(UsageError, match="a repository would say whose experiment it is"):
+        unpack(as_it_is(packed(with_manifest(more), tmp_path / "b.zip")), tmp_path / "again")
+    assert not (tmp_path / "again").exists()
+
+
+@pytest.mark.parametrize("place", [".git/config", "bare/HEAD"])
+def test_no_data_set_of_a_bundle_makes_a_repository(content: Content, tmp_path: Path, place: str) -> None:
+    """A data set is put there by hand, so a folder may have it before: an archive that brings the bundle, too."""
+    about = json.loads(content["sessions/1/inputs.json"])
+    about["files"].append({"path": place, "data": f"inputs/{place}", "sha256": "0" * 64, "size": 60})
+    more = {**content, "sessions/1/inputs.json": json.dumps(about).encode()}
+    with pytest.raises(UsageError, match="a data set that would make a repository"):
         unpack(as_it_is(packed(with_manifest(more), tmp_path / "b.zip")), tmp_path / "again")
     assert not (tmp_path / "again").exists()
 
