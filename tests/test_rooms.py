@@ -115,7 +115,7 @@ ROOMS: Mapping[str, Room] = {
     "record": room(
         "believed codes errors data private regular_file untrusted resource secret definitions.model facts planning"
         " execution secret_files"
-        " trials definitions.trialsmodel transport.tar_stream"
+        " trials definitions.trialsmodel definitions.repository_names transport.tar_stream"
     ),
     # Bundles: reads and checks what a run left, works out again what follows from it, and compares two.
     "evidence": room(

@@ -19,8 +19,8 @@ from srprov.controller.plan import Planned
 from srprov.controller.run import record_inputs
 from srprov.controller.trial_plan import TrialPlan
 from srprov.definitions.model import Inventory
-from srprov.record.documents import inputs
 from srprov.record.folder import PlainFolder
+from srprov.record.input_places import inputs
 from srprov.secret import redact
 
 SESSIONS = "sessions"

@@ -25,6 +25,7 @@ from srprov.conversion.tree import Tree
 from srprov.conversion.withheld import is_withheld
 from srprov.definitions import check_files
 from srprov.definitions.model import VERSION_CONTROL
+from srprov.definitions.repository_names import WHY, repository_among
 from srprov.definitions.version_control import ELSEWHERE, is_from_elsewhere, names_in
 from srprov.errors import Diagnostic, UsageError
 from srprov.importing.normal import Refused
@@ -111,6 +112,9 @@ def _fill(draft: Draft, place: str, passed_over: tuple[str, ...], files: Sequenc
     written = {name: writer.document(one, about) for name, one in (*draft.cdfs.items(), (EDF, draft.edf))}
     for name, text in {**written, REPORT: as_markdown(draft, files)}.items():
         tree.write(name, text.encode("utf-8", "replace"), 0o600)
+    if strange := repository_among(tree.places):  # where it was cloned, `.git` comes before it
+        hint = "leave it out of what the files mount, or build from"
+        raise UsageError(f"nothing is written: {strange[:200]}: {WHY}", hint=hint, code=Code.STRANGE_FILE)
     tree.finish()
 
 

@@ -21,6 +21,12 @@ class Tree:
         self.top = top
         self._links: dict[str, str] = {}
         self._made = {""}
+        self._files = set[str]()
+
+    @property
+    def places(self) -> set[str]:
+        """Return where files, folders and links are, or will be; of a folder's folder that may be the inner one's."""
+        return {*self._made, *self._files, *self._links}
 
     def make(self, place: str) -> str:
         """Make a folder and those above it, and return its path.
@@ -53,6 +59,7 @@ class Tree:
         path = f"{self.make(above)}/{name}"
         if os.path.lexists(path):
             os.unlink(path)
+        self._files.add(place)
         with private.open_new(path) as stream:
             stream.write(content)
             os.fchmod(stream.fileno(), mode)

@@ -10,7 +10,7 @@ Here all names are known at once. Where they come one by one, `model.makes_repos
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from srprov.definitions.model import VERSION_CONTROL, VERSION_CONTROL_IN_ANY_CASE
 
@@ -35,13 +35,17 @@ def repository_among(paths: Iterable[str]) -> str:
 
     A file `HEAD` alone makes none.
     """
+    return next(repositories_among(paths), "")
+
+
+def repositories_among(paths: Iterable[str]) -> Iterator[str]:
+    """Yield all paths, relative as all of them are, without which no folder would be a repository."""
     some = list(paths)
-    if kept := next(filter(is_kept_name, some), ""):
-        return kept
+    yield from filter(is_kept_name, some)
     heads = [one for one in some if one.casefold().rpartition("/")[2] == _HEAD]
     # NUL sorts before all that a name may hold, so a folder's files come right behind where its own name would be
     known = sorted(one.casefold().replace("/", "\0") for one in some) if heads else []
-    return next((one for one in heads if _is_repository(one, known)), "")
+    yield from (one for one in heads if not is_kept_name(one) and _is_repository(one, known))
 
 
 def _is_repository(head: str, known: Sequence[str]) -> bool:

@@ -21,23 +21,13 @@ from srprov.codes import Code
 from srprov.definitions.repository_names import WHY, repository_among
 from srprov.errors import RefusedError, UsageError
 from srprov.evidence import descriptions, make_images, secrets, stored_zip, story
-from srprov.evidence.files import (
-    ABOUT,
-    MANIFEST,
-    SIGNATURE,
-    Files,
-    Folder,
-    archive,
-    json_of,
-    of_run,
-    sessions,
-)
+from srprov.evidence.files import ABOUT, MANIFEST, SIGNATURE, Files, Folder, archive, json_of, of_run, sessions
 from srprov.evidence.images import SBOMS
 from srprov.evidence.private_words import Replacer, Words, collect
 from srprov.evidence.public_words import PublicWords
 from srprov.evidence.redacted import HARDWARE, is_as_it_came, redacted
 from srprov.record.runs import trials_run
-from srprov.untrusted import mapping
+from srprov.untrusted import mapping, mappings, string
 
 FORMAT = 1
 _SPOOLED = 1 << 20
@@ -75,10 +65,11 @@ def bundle(
     """
     _check(folder, target)
     files = of_run(folder)
-    if made_here := repository_among(sorted(files.sizes)):
-        hint = "run it without that among what the EDF ships: an image may have it, or a file of another name"
-        raise UsageError(f"{folder} cannot be bundled: it has {made_here[:200]}: {WHY}", hint=hint, code=Code.RECORD)
     try:
+        if made_here := repository_among(sorted({*files.sizes, *_shipped(files)})):
+            hint = "run it without that among what the EDF ships: an image may have it, or a file of another name"
+            why = f"it has {made_here[:200]}: {WHY}"
+            raise UsageError(f"{folder} cannot be bundled: {why}", hint=hint, code=Code.RECORD)
         for name in files.sizes:
             stored_zip.Names().add(name)
         there = make_images.found(images, files, target.absolute().parent)
@@ -95,6 +86,13 @@ def bundle(
             f"{folder} cannot be bundled: {error}", hint="run it with this srprov", code=Code.RECORD
         ) from error
     return made
+
+
+def _shipped(files: Files) -> Iterator[str]:
+    """Yield where a replay would need each file of the experiment; a record has what makes a repository elsewhere."""
+    for home in sessions(files):
+        for one in mappings(json_of(files, f"{home}/inputs.json").get("files"), most=stored_zip.MOST_ENTRIES):
+            yield f"{home}/inputs/{string(one.get('path'))}"
 
 
 def _check(folder: Path, target: Path) -> None:

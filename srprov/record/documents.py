@@ -14,8 +14,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from pathlib import PurePosixPath
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -28,6 +27,7 @@ from srprov.planning.plan import Plan, plan_json
 from srprov.planning.planfile import PlanFile, document
 from srprov.planning.text import plan_text
 from srprov.record.folder import Sink
+from srprov.record.input_places import inputs
 from srprov.record.plain import fields_of, plain
 from srprov.resource import Resource
 from srprov.secret import MASK
@@ -92,39 +92,18 @@ def write_inputs(folder: Sink, run: RunInputs, commit: Callable[[], object] = la
         folder.put_json(f"rendered/{host.replace('/', '_')}.yml", lambda mine=mine: rendered(mine))  # type: ignore[misc]
 
 
-_DEEPEST = 20
 _WHEN_ASKED = frozenset({"matrix", "why_not", "runner_up"})
 """Parts of a decision that follow from the facts: `assign --facts --explain` shows them."""
 _REASONS = frozenset({"runner_up"})
 """What is left out of a small one: `report` shows the rest."""
 _SMALL = 2500
 """Pairs of services and robots: their costs take some 50 KB, and milliseconds beside the run."""
-_LONGEST_NAME = 200
-"""Bytes; a file is written beside its place first, under a longer name."""
 
 
 def facts_record(found: Snapshot, decided: Mapping[str, Any] | None) -> dict[str, Any]:
     """Return the robots' facts, and what else `assign --facts` needs to decide as this run did."""
     document = facts_document(found.facts, found.unreachable)
     return document if decided is None else {**document, "decided": plain(decided)}
-
-
-def inputs(files: Mapping[str, str]) -> Iterable[tuple[str, str]]:
-    """Return each definition file by a name below inputs/; one from outside the EDF's folder lies below outside/.
-
-    A plan file may say any names: what cannot be a file beside the others, or is srprov's own, lies in other/.
-    """
-    taken, folders = {"inventory.yml", "other"}, set[str]()
-    for number, (name, text) in enumerate(sorted(files.items()), 1):
-        parts = [part for part in PurePosixPath(name).parts if part not in ("/", "..", ".")]
-        parts = ["outside", *parts] if name.startswith(("/", "..")) else parts
-        place, above = "/".join(parts), {"/".join(parts[:depth]) for depth in range(1, len(parts))}
-        fits = parts and len(parts) <= _DEEPEST and all(len(os.fsencode(one)) <= _LONGEST_NAME for one in parts)
-        if not fits or not place.isprintable() or place in taken | folders or above & taken:
-            place, above = f"other/{number}", set()
-        taken.add(place)
-        folders |= above
-        yield place, text
 
 
 def decision(plan: Plan, assignment: object) -> dict[str, Any]:

@@ -71,6 +71,19 @@ def test_a_folder_inside_of_what_is_copied_does_not_copy_itself(stack: Path) -> 
     assert left(target / "files") == ["compose.yaml", "config", "sub", "tok.txt"]
 
 
+@pytest.mark.parametrize("empty", [False, True])
+def test_nothing_that_is_copied_makes_a_repository(stack: Path, *, empty: bool) -> None:
+    """Where the project was cloned, git takes `.git`, and not what beside it would be a repository by itself."""
+    (stack / "HEAD").write_text("ref: refs/heads/main\n")
+    (stack / "objects").mkdir()
+    (stack / "refs").mkdir() if empty else (stack / "refs").symlink_to("sub")
+    with pytest.raises(UsageError, match="nothing is written: files/HEAD: a repository here could name programs"):
+        made(stack, {"a": {**IMAGE, **MOUNT}})
+    assert not (stack.parent / "out").exists()
+    (stack / "HEAD").rename(stack / "head.txt")
+    assert (made(stack, {"a": {**IMAGE, **MOUNT}}) / "files" / "head.txt").exists()
+
+
 @pytest.mark.parametrize(
     ("service", "key", "said"),
     [

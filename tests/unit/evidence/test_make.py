@@ -133,6 +133,18 @@ def test_a_run_that_shipped_a_repository_is_told_so_before_anything_is_written(
     assert "run it without that among what the EDF ships" in said
 
 
+def test_what_a_record_has_elsewhere_is_told_as_well(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The record of such a run is no repository, but what a replay ships would be one."""
+    more = {"HEAD": "ref: refs/heads/main\n", "objects/x": "", "refs/x": "", "config": "[core]"}
+    files = {**FILES, **{f"tracks/{name}": text for name, text in more.items()}}
+    run = run_folder(tmp_path / "run", write_experiment(tmp_path / "race", files))
+    kept = run / "sessions/1/inputs/tracks"
+    assert (kept / "config").exists() and not (kept / "HEAD").exists()
+    assert cli(["bundle", str(run), "-o", str(tmp_path / "b.zip")]) == 5
+    assert "it has sessions/1/inputs/tracks/HEAD: a repository here could name programs" in capsys.readouterr().err
+    assert cli(["compare", str(run), str(run)]) == 0
+
+
 def test_nothing_tells_how_robots_are_reached(run: Path, bundled: Path) -> None:
     facts = json.loads((run / "sessions/1/facts.json").read_text())
     inventory = json.loads((run / "sessions/1/inputs/inventory.yml").read_text())

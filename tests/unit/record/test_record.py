@@ -16,10 +16,12 @@ from types import MappingProxyType
 import pytest
 
 from srprov.definitions.model import Host, Inventory
+from srprov.definitions.repository_names import repository_among
 from srprov.execution import Event
 from srprov.planning.planfile import PlanFile, document
 from srprov.record import RunFolder, RunInputs, default_root, event_json, run_id, write_inputs
-from srprov.record.documents import inputs, inventory_document
+from srprov.record.documents import inventory_document
+from srprov.record.input_places import inputs
 from srprov.record.plain import plain
 from srprov.resource import Action
 from srprov.secret import Hidden, Secret, forget
@@ -226,6 +228,26 @@ def test_no_name_in_a_plan_file_damages_the_record(tmp_path: Path, files: dict[s
     there = {str(one.relative_to(below)): one.read_text() for one in below.rglob("*") if one.is_file()}
     assert there.pop("inventory.yml") == "REAL" and sorted(there.values()) == sorted(files.values())
     assert (tmp_path / "run" / "events.jsonl").read_text() == '{"event": "start"}\n' and not folder.problem
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        (".git/HEAD", ".git/config"), ("a/.git/config",), ("a/.hg/hgrc",), ("../.git/config",),
+        ("HEAD", "config", "objects/x", "refs/x"), ("../m/HEAD", "../m/commondir"),
+        ("m/head", "m/Objects/x", "m/REFS/x"),
+    ],
+)  # fmt: skip
+def test_no_record_is_a_repository(names: tuple[str, ...]) -> None:
+    """A plan file may name any files; in a clone, `.git` comes before what else would be a repository."""
+    found = dict(inputs({"e.edf": "e.edf", **{name: name for name in names}}))
+    assert repository_among(found) == "" and sorted(found.values()) == sorted(["e.edf", *names])
+    assert found["e.edf"] == "e.edf"
+
+
+def test_a_file_that_is_called_head_alone_keeps_its_name() -> None:
+    names = ["m/HEAD", "m/config", "refs/x"]
+    assert [place for place, _ in inputs(dict.fromkeys(names, ""))] == names
 
 
 def test_a_file_that_cannot_be_written_does_not_end_the_events(tmp_path: Path) -> None:
