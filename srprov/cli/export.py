@@ -165,6 +165,7 @@ def _on_robots(
 
     inventory = inputs.load_inventory(inventories)
     snapshot, decided = _robots(inventory, stored, timeout, forks)
+    source = _with_addresses(source, snapshot, inventory, stored)
     return controller.on_chosen_robots(source, inventory, snapshot, request, decided)
 
 
@@ -187,7 +188,13 @@ def _on_planned(
         return controller.on_planned_robots(source)
     snapshot = _robots(inventory, stored, timeout, forks)[0]
     tell_unreachable(snapshot.unreachable)
-    return controller.on_planned_robots(source, snapshot)
+    return controller.on_planned_robots(_with_addresses(source, snapshot, inventory, stored), snapshot)
+
+
+def _with_addresses(source: Source, snapshot: Snapshot, inventory: Inventory, stored: Path | None) -> Source:
+    from srprov.controller.compose_plan import told_of_addresses
+
+    return replace(source, told=told_of_addresses(snapshot, inventory, str(stored))) if stored else source
 
 
 def _robots(inventory: Inventory, stored: Path | None, timeout: float, forks: int) -> tuple[Snapshot, object]:

@@ -7,8 +7,6 @@ neither.
 from __future__ import annotations
 
 import functools
-import os
-import posixpath
 from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import TYPE_CHECKING
 
@@ -17,16 +15,15 @@ from msgspec.structs import replace
 
 from srprov import disk, plain_tar
 from srprov.codes import Code
+from srprov.controller.compose_files import env_files, texts
 from srprov.controller.compose_plan import addresses_of, check_same, edf_of, underlays
 from srprov.controller.own_files import COPIED_FIRST, permit_copies
 from srprov.controller.robots_words import at_home
 from srprov.controller.source import read_definitions, saved_plan
 from srprov.controller.trial_values import at_first_point
-from srprov.definitions import envfile
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.expand import expand
 from srprov.definitions.model import Definitions, Experiment
-from srprov.definitions.paths import inside, named
 from srprov.errors import DefinitionError, UsageError
 from srprov.exporting import Wanted, export
 from srprov.exporting.model import Export
@@ -34,8 +31,6 @@ from srprov.exporting.reach import as_written
 from srprov.exporting.variables import Open
 from srprov.images.tag import Checkouts, no_repositories
 from srprov.planning.policy import permissions
-from srprov.yamldoc import loader, nodes
-from srprov.yamldoc.nodes import Map
 
 if TYPE_CHECKING:
     from srprov.controller.request import PlanRequest
@@ -64,6 +59,8 @@ class Source(msgspec.Struct, frozen=True, kw_only=True):
     """What it is exported for."""
     lossy: bool = False
     """What would be refused is left out."""
+    told: Mapping[str, str] = msgspec.field(default_factory=dict)
+    """Robot -> what is said of its address, which only a file says."""
 
 
 def read(file: str, allowed: frozenset[str], profiles: tuple[str, ...] = (), *, placed: bool = False) -> Source:
@@ -171,8 +168,9 @@ def _exported(
             Wanted(
                 definitions=replace(source.definitions, experiment=experiment, containers=containers),
                 placed=placed, robots=addresses, profiles=source.every_profile, open=source.open,
-                env_files=_env_files(source), texts=_texts(source), edf=source.file,
-                notes=(*source.definitions.notes, *_granted(source, experiment, placed)),
+                env_files=env_files(source.definitions, source.open),
+                texts=texts(source.definitions, source.file), edf=source.file,
+                notes=(*source.definitions.notes, *_granted(source, experiment, placed), *_told(source, placed)),
                 listing=disk.listing, read=disk.read, shipped=functools.cache(_shipped),
                 checkout=_checkout(containers, source.allowed), lossy=source.lossy,
             )
@@ -188,6 +186,12 @@ def _granted(source: Source, experiment: Experiment, placed: Mapping[str, str]) 
     for name, kind, what in told:
         tool = source.tool.capitalize()
         yield f"{name} gets more than its container, and {tool} asks nobody: {kind} ({what})"
+
+
+def _told(source: Source, placed: Mapping[str, str]) -> Iterator[str]:
+    """Yield what is said of addresses, where the tool writes any."""
+    robots = set(placed.values()) & source.told.keys() if source.tool != "kubernetes" else set()
+    yield from (source.told[robot] for robot in sorted(robots))
 
 
 def _tool(name: str) -> Callable[[Wanted], Export]:
@@ -212,38 +216,3 @@ def _checkout(containers: Mapping[str, ContainerDefinition], allowed: Collection
     from srprov.controller.repositories import Repositories
 
     return Repositories(containers.values()).checkout
-
-
-def _texts(source: Source) -> dict[str, str]:
-    """Return the EDF and its CDFs as they were read, by the names that the user would give them."""
-    experiment = source.definitions.experiment
-    found = {source.file: experiment.text}
-    for path, one in source.definitions.containers.items():
-        # what git fetched lies in a cache of this machine's
-        if path.endswith(".cdf") and inside(path, experiment.folder):
-            found[_shown(source, path)] = one.text
-    return found
-
-
-def _shown(source: Source, path: str) -> str:
-    beside = os.path.relpath(path, source.definitions.experiment.folder)
-    return posixpath.normpath(posixpath.join(posixpath.dirname(source.file), beside))
-
-
-def _env_files(source: Source) -> dict[str, dict[str, str]]:
-    """Return what the env_files of each service say; the last one wins."""
-    experiment = source.definitions.experiment
-    root = nodes.find(loader.parse(experiment.text, experiment.file) or _empty(), ("services",))
-    found: dict[str, dict[str, str]] = {}
-    for name, entry in root.entries.items() if isinstance(root, Map) else ():
-        given = entry.entries.get("env_file") if isinstance(entry, Map) else None
-        items = [given] if isinstance(given, nodes.Scalar) else given.items if isinstance(given, nodes.Seq) else ()
-        for item in items:
-            if isinstance(item, nodes.Scalar):
-                text = experiment.contents[named(item)].decode("utf-8-sig")  # as it was checked
-                found.setdefault(name, {}).update(envfile.parse(text, item.text, source.open)[0])
-    return found
-
-
-def _empty() -> Map:
-    return Map(nodes.Source(""), 1, 1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from ipaddress import ip_address
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,7 @@ from srprov.yamldoc import loader
 from srprov.yamldoc.nodes import Map
 
 if TYPE_CHECKING:
+    from srprov.definitions.model import Inventory
     from srprov.facts.model import Snapshot
     from srprov.planning.planfile import PlanFile
 
@@ -84,6 +86,28 @@ def is_of_here(plan: PlanFile) -> bool:
 def underlays(snapshot: Snapshot) -> dict[str, str]:
     """Return robot -> the address that others reach, as robots themselves say."""
     return {name: facts.underlay_address for name, facts in snapshot.facts.items()}
+
+
+def told_of_addresses(snapshot: Snapshot, inventory: Inventory, file: str) -> dict[str, str]:
+    """Return robot -> what is said of its address, where only stored facts say it: others are told to reach it there.
+
+    They may be a stranger's, and services send there what they have for each other, secrets too.
+    """
+    found = {}
+    for name, address in underlays(snapshot).items():
+        host = inventory.hosts[name]
+        own = {_plain(host.address), _plain((host.underlay or "").partition("/")[0])} - {""}
+        if address and _plain(address) not in own:
+            beside = f"; the inventory has {', '.join(sorted(own))}" if own else ""
+            found[name] = f"{name} is at {address} for services on other robots, as {file} says{beside}"
+    return found
+
+
+def _plain(address: str) -> str:
+    try:
+        return str(ip_address(address.partition("%")[0]))
+    except ValueError:  # a name, or an interface
+        return ""
 
 
 def addresses_of(plan: PlanFile) -> dict[str, str]:

@@ -123,6 +123,24 @@ def test_facts_are_read_by_no_link_that_leads_out(
     assert run([*given, str(other)]) == 0, "what the user names himself"
 
 
+def test_addresses_that_only_stored_facts_say_are_told(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Services on other robots send there what they have for each other, and the facts may be somebody else's."""
+    hosts = "{r1: {ansible_host: 192.0.2.1}, r2: {ansible_host: 192.0.2.77}, r3: {srprov_underlay: 192.0.2.3}}"
+    (lab / "inv.yml").write_text(f"all: {{hosts: {hosts}}}\n")
+    given = ["e.edf", "-i", "inv.yml", "--facts", "facts.json"]
+    said = "r2 is at 192.0.2.2 for services on other robots, as facts.json says; the inventory has 192.0.2.77"
+    for tool in ("compose", "swarm"):
+        assert run(["export", tool, *given, "--lossy" if tool == "swarm" else "--reassign", "-o", tool]) == 0
+        assert f"note: {said}\n" in capsys.readouterr().err
+        readme = (lab / tool / "README.md").read_text()
+        assert said.replace("_", "\\_") in readme and "r1 is at" not in readme and "r3 is at" not in readme
+    assert run(["export", "kubernetes", *given, "--lossy", "-o", "k8s"]) == 0
+    assert "is at 192" not in capsys.readouterr().err
+    (lab / "inv.yml").write_text("all: {hosts: {r1: {}, r2: {}, r3: {}}}\n")
+    assert run(["export", "compose", *given, "-o", "more"]) == 0
+    assert "note: r2 is at 192.0.2.2 for services on other robots, as facts.json says\n" in capsys.readouterr().err
+
+
 def test_facts_need_an_inventory(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["export", "compose", "e.edf", "--facts", "facts.json", "-o", "out"]) == 5
     assert "name it with -i" in capsys.readouterr().err
