@@ -87,9 +87,12 @@ def load_inventory(paths: Sequence[str | Path], unnamed: Collection[str] = (), *
     Raises:
         DefinitionError: With everything that is wrong.
     """
-    from srprov.definitions import inventory
+    from srprov.definitions import inventory, names_alone
 
-    return inventory.load([str(path) for path in paths], unnamed, run=run)
+    named = [str(path) for path in paths]
+    found = inventory.load(named, unnamed, run=run)
+    names_alone.check_no_command(named, found.hosts.values())
+    return found
 
 
 def select(inventory: Inventory, pattern: str, failed: Callable[[], Collection[str]] | None = None) -> tuple[str, ...]:

@@ -11,13 +11,15 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from shlex import quote
 
 from srprov.codes import Code
+from srprov.definitions.model import Host
 from srprov.definitions.script import is_program
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.regular_file import WHOLE, variables_beside
+from srprov.secret import MASK
 
 _RECORDED = ("inputs", "inventory.yml")
 """Where a record has what srprov read of the inventory: what the user names then is a name that srprov gave."""
@@ -64,9 +66,7 @@ def check_nothing_beside(paths: Collection[str], folders: Collection[str]) -> No
 
 def _check_recorded(path: str) -> None:
     """Refuse the inventory of a record that is to be run, or with which variables would be read."""
-    names = [os.path.normpath(os.path.join(here, path)) for here in _here()]
-    file = next((one for name in names for one in (name, f"{name}/{_RECORDED[1]}") if _is_recorded(one)), "")
-    if not file:
+    if not (file := _recorded(path)):
         return
     what = "a folder" if os.path.isdir(file) else "a program" if is_program(file) else ""
     if what:
@@ -80,6 +80,27 @@ def _check_recorded(path: str) -> None:
         message = "is the folder of a record, of which all files would be read: an experiment shipped them"
         hint = f"name the inventory in it: -i {quote(os.path.join(path, _RECORDED[1]))}"
         raise _refused(path, message, hint)
+
+
+def check_no_command(paths: Collection[str], hosts: Iterable[Host]) -> None:
+    """Refuse a ProxyCommand with the inventory of a record: srprov writes `***` there, which nobody runs.
+
+    Raises:
+        DefinitionError: A host has one.
+    """
+    recorded = next(filter(_recorded, paths), "")
+    for host in hosts if recorded else ():
+        if any(name == "proxycommand" and value != MASK for name, value in host.ssh_options):
+            message = f"is the inventory of a record, and '{host.name}' has a ProxyCommand: srprov writes none"
+            raise _refused(
+                recorded, message, "name your own inventory; or copy this one to another folder, if you trust it"
+            )
+
+
+def _recorded(path: str) -> str:
+    """Return the file that is meant if it is the inventory of a record, or nothing."""
+    names = [os.path.normpath(os.path.join(here, path)) for here in _here()]
+    return next((one for name in names for one in (name, f"{name}/{_RECORDED[1]}") if _is_recorded(one)), "")
 
 
 def _is_recorded(file: str) -> bool:

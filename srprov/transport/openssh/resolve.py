@@ -16,6 +16,7 @@ from pathlib import Path
 from srprov.codes import Code
 from srprov.definitions.model import Host
 from srprov.errors import ConnectError
+from srprov.secret import MASK
 from srprov.transport.openssh.settings import SshSettings
 from srprov.transport.openssh.ssh_config import ADDS_UP, DEFAULT_KEYS, check_parts, check_words, lookup, words
 
@@ -69,6 +70,13 @@ class _Config:
         return self.one(key).lower() == "yes"
 
 
+def _check_known(name: str, command: str) -> None:
+    """Refuse a command that a record hides: for a shell it is all files of the folder at hand, the first a program."""
+    if MASK in command:
+        wrong = f"its ProxyCommand is {MASK}, as the inventory of a record has it"
+        raise ConnectError(name, wrong, hint="name the inventory of that time with -i", code=Code.SSH_CONFIG)
+
+
 def _settings(
     host: Host, config: _Config, ssh_config: Path | None, inherited: tuple[tuple[str, str], ...]
 ) -> SshSettings:
@@ -83,6 +91,7 @@ def _settings(
     check_parts(host.name, names)
     if proxy:
         check_words(host.name, names)
+        _check_known(host.name, proxy)
     tokens = _tokens(host.address, hostname, port, user, alias)
     keys = _paths(config.every.get("identityfile", ()), tokens)
     checking, timeout = config.one("stricthostkeychecking", "yes").lower(), config.one("connecttimeout")

@@ -151,3 +151,17 @@ def test_a_record_is_known_where_a_link_led_there(project: Path, monkeypatch: py
     assert "is the inventory of a record, with which nothing is read" in _refusal("inventory.yml")
     monkeypatch.setenv("PWD", str(project))
     assert load_inventory(["inventory.yml"]).hosts["robot1"].ssh_options, "a name of another folder says nothing"
+
+
+@pytest.mark.parametrize("command", ["sh -c id", "***x", "nc"])
+def test_the_inventory_of_a_record_names_no_command(project: Path, command: str) -> None:
+    """A record, and a bundle, may be a stranger's; what srprov writes there is `***`."""
+    recorded = project / "run" / "inputs" / "inventory.yml"
+    recorded.parent.mkdir(parents=True)
+    recorded.write_text(f"all: {{hosts: {{r1: {{ansible_ssh_common_args: '-o ProxyCommand=\"{command}\"'}}}}}}\n")
+    for path in ("run/inputs/inventory.yml", str(recorded)):
+        with pytest.raises(DefinitionError) as refused:
+            load_inventory([path])
+        assert "is the inventory of a record, and 'r1' has a ProxyCommand" in refused.value.problems[0].message
+    recorded.write_text(recorded.read_text().replace(command, "***"))
+    assert load_inventory([recorded]).hosts["r1"].ssh_options == (("proxycommand", "***"),)

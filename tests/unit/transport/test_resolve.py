@@ -207,3 +207,9 @@ def test_no_user_is_the_folder_above(tmp_path: Path) -> None:
 def test_a_proxy_command_gets_any_proper_name(tmp_path: Path, address: str) -> None:
     found = resolved(tmp_path, address=address, user="ada.l@site", ssh_options=(("proxycommand", "nc %h %p"),))
     assert found.proxy_command == f"nc {address} 22"
+
+
+def test_a_proxy_command_of_a_record_is_not_run(tmp_path: Path) -> None:
+    """For the shell that would run it, `***` is whatever lies in the folder at hand, such as `bash` and a script."""
+    with pytest.raises(ConnectError, match=r"its ProxyCommand is \*\*\*, as the inventory of a record has it"):
+        resolved(tmp_path, ssh_options=(("proxycommand", "***"),))
