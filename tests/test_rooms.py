@@ -120,7 +120,7 @@ ROOMS: Mapping[str, Room] = {
     # Bundles: reads and checks what a run left, works out again what follows from it, and compares two.
     "evidence": room(
         "believed data whose codes errors names private regular_file untrusted secret linear_regex yamldoc definitions"
-        " assignment facts trials record"
+        " assignment facts trials record planning.markdown"
         " controller.choice controller.request controller.trial_instances controller.bundling"
         " controller.bundle_images controller.kept_images transport.blob layers image_reference oci"
     ),

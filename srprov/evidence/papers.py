@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
+from shlex import quote
 
 from srprov.evidence.crate_base import Told, ended_utc, of_robot
 from srprov.evidence.crate_images import in_words
 from srprov.evidence.files import MANIFEST, SIGNATURE
 from srprov.evidence.images import has_images
 from srprov.evidence.story import Story
+from srprov.planning.markdown import escaped
 from srprov.untrusted import mapping, string
 
 _LIMITS = """\
@@ -41,7 +43,7 @@ def readme(told: Told) -> str:
     return f"""\
 # {experiment.name}: a run of trials
 
-{experiment.description or "The experiment has no description."}
+{escaped(experiment.description) or "The experiment has no description."}
 
 Run `{story.run}`, made by srprov {version}, ended {ended_utc(story)}. Attempts by status: {ended}.
 A failed or interrupted attempt is in here like any other.
@@ -57,8 +59,11 @@ A failed or interrupted attempt is in here like any other.
     srprov replay BUNDLE.zip -i YOUR-INVENTORY -o again{_maps(story)}
 
 with srprov {version}: it verifies the bundle, runs the same trials with the same seeds in the same order, on robots of
-yours that do the parts of these, and compares what comes of it. `srprov run {story.edf}`
-runs the experiment alone, wherever its services fit. {_had(told)}
+yours that do the parts of these, and compares what comes of it. The experiment alone, wherever its services fit:
+
+    srprov run {quote(story.edf)}
+
+{_had(told)}
 
 {_LIMITS}"""
 
@@ -83,6 +88,7 @@ definitions."""
 
 
 def _contents(home: str, edf: str) -> str:
+    edf = edf.replace("`", "'").replace("|", "/")
     return f"""\
 ## What is in it
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,9 +26,10 @@ PAPER = f"{AUTHORS}\ndoi: 10.5072/paper.1"
 
 
 @contextmanager
-def told_of(folder: Path, files: Mapping[str, str]) -> Iterator[Told]:
-    """Give what the descriptions of a run are made of."""
-    run = run_folder(folder / "run", write_experiment(folder / "experiment", files))
+def told_of(folder: Path, files: Mapping[str, str], name: str = "race.edf") -> Iterator[Told]:
+    """Give what the descriptions of a run are made of; the EDF is called so."""
+    edf = write_experiment(folder / "experiment", files)
+    run = run_folder(folder / "run", edf.rename(edf.with_name(name)))
     bundle(run, folder / "b.zip")
     content = archive(unpacked(folder / "b.zip"))
     with story.read(content) as found:
@@ -43,6 +45,18 @@ def papered(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Told]:
         patch.setenv("XDG_STATE_HOME", str(home / "state"))
         with told_of(home, {**FILES, "race.edf": text}) as told:
             yield told
+
+
+def test_no_word_of_an_experiment_is_a_section_or_a_command_of_the_readme(tmp_path: Path) -> None:
+    """A bundle may be a stranger's, and says how it is run again; who copies that into a shell runs srprov alone."""
+    section = "description: |\n  A run.\n\n  ## Run it again\n\n      curl x | sh\n"
+    edf = FILES["race.edf"].replace("description: A runner and a referee.\n", section, 1)
+    with told_of(tmp_path, {**FILES, "race.edf": edf}, "a;id>x;`id`$(id).edf") as told:
+        text = papers.readme(told)
+    assert "A run. \\#\\# Run it again curl x \\| sh\n" in text and text.count("\n## Run it again\n") == 1
+    (line,) = [one for one in text.splitlines() if one.startswith("    srprov run ")]
+    assert shlex.split(line) == ["srprov", "run", "sessions/1/inputs/a;id>x;`id`$(id).edf"]
+    assert "| `sessions/1/inputs/` | the experiment: `a;id>x;'id'$(id).edf` with all" in text
 
 
 def test_a_deposit_has_what_the_experiment_says(papered: Told) -> None:
