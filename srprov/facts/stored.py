@@ -7,6 +7,7 @@ Takes the JSON that `srprov facts --json` printed; gives values. Pure. The comma
 from __future__ import annotations
 
 from collections.abc import Mapping
+from ipaddress import ip_address
 from typing import Any
 
 from srprov.codes import Code
@@ -48,6 +49,8 @@ def read_facts(name: str, values: Any) -> HostFacts:  # noqa: ANN401 - JSON is a
         for part, whole in _WITHIN:
             if getattr(facts, part) > getattr(facts, whole):
                 raise TypeError(f"'{part}' is more than '{whole}'")
+        if facts.underlay_address and not _is_address(facts.underlay_address):  # hosts files and exports have it
+            raise TypeError("'underlay_address' is no address")
         return facts
     except (TypeError, AttributeError, OverflowError) as error:
         raise UsageError(f"the facts of '{name}' cannot be read: {error}", hint=_HINT, code=Code.FACTS_FILE) from error
@@ -76,3 +79,11 @@ def _is_a(value: Any, wanted: str) -> bool:  # noqa: ANN401 - JSON is any
     if wanted in ("int", "float"):
         return isinstance(value, int if wanted == "int" else (int, float)) and not isinstance(value, bool)
     return isinstance(value, str)
+
+
+def _is_address(text: str) -> bool:
+    """Return whether a text is an address, and a plain one: in an IPv6 scope Python takes anything."""
+    try:
+        return "%" not in text and bool(ip_address(text))
+    except ValueError:
+        return False

@@ -5,12 +5,14 @@ import os
 from pathlib import Path
 
 import jsonschema
+import pytest
 from msgspec.structs import replace
 from robot_outputs import COMPUTER, LATER, PI, replies
 
 from srprov import data
 from srprov.cli.facts_table import facts_table
 from srprov.definitions.model import Host
+from srprov.errors import UsageError
 from srprov.facts.document import facts_document, facts_json
 from srprov.facts.hardware import TAGS
 from srprov.facts.host import parse_host
@@ -45,6 +47,13 @@ def test_what_was_stored_is_read_back_as_it_was() -> None:
     assert kinds == {"str", "int", "float", "bool", "tuple[str, ...]"}
     for one in (ONE, PI7):
         assert read_facts(one.name, json.loads(json.dumps(facts_json(one)))) == one
+
+
+@pytest.mark.parametrize("address", ["192.0.2.2\n198.51.100.6 robot2", "db", "fe80::1%x\ny"])
+def test_the_address_of_stored_facts_is_plain(address: str) -> None:
+    """As of those that are asked for: it stands in hosts files and exports, and the file may be a stranger's."""
+    with pytest.raises(UsageError, match="cannot be read: 'underlay_address' is no address"):
+        read_facts("robot1", {**json.loads(json.dumps(facts_json(ONE))), "underlay_address": address})
 
 
 def test_json_has_lists_not_tuples() -> None:
