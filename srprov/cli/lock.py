@@ -8,7 +8,7 @@ import click
 
 from srprov import private
 from srprov.cli import inputs, options
-from srprov.cli.output import counted, out
+from srprov.cli.output import counted, err, out
 from srprov.cli.permitted import permitted
 from srprov.codes import Code
 from srprov.errors import UsageError
@@ -45,7 +45,7 @@ def lock(
             if not names:
                 return {}
             with_engine = [name for name, facts in look.first().facts.items() if facts.docker]
-            return digests.look_up(look.ask_each, with_engine, names, allowed)
+            return digests.look_up(look.ask_each, with_engine, names, allowed, lambda text: err(f"note: {text}"))
 
         new, records = package_records.with_records(locking.finished(made, look_up), made, look, fleet.connected())
     try:

@@ -31,8 +31,9 @@ Found = tuple[str, tuple[str, ...]]
 
 
 def look_up(
-    ask_each: AskEach, robots: Iterable[str], names: Collection[str], allowed: Collection[str]
-) -> dict[str, Found]:
+    ask_each: AskEach, robots: Iterable[str], names: Collection[str], allowed: Collection[str],
+    say: Callable[[str], None] = lambda _: None,
+) -> dict[str, Found]:  # fmt: skip
     """Return full name with tag -> what it is now.
 
     Args:
@@ -40,6 +41,7 @@ def look_up(
         robots: Those that may be asked; the first few are.
         names: Full names with tags.
         allowed: Kinds of permission that the user gave: to look a name up is to have engines ask.
+        say: What is told of a name of which one robot alone says what it is, where others were asked, too.
 
     Raises:
         RefusedError: Whom a name would have engines ask, the user did not allow.
@@ -52,7 +54,7 @@ def look_up(
     ]
     replies = ask_each(dict.fromkeys(asked, questions)) if wanted else {}
     return {
-        name: _agreed(name, {robot: answers[index] for robot, answers in replies.items()})
+        name: _agreed(name, {robot: answers[index] for robot, answers in replies.items()}, say)
         for index, name in enumerate(wanted)
     }
 
@@ -66,7 +68,7 @@ def _beyond(names: Iterable[str]) -> Iterator[Permission]:
             yield Permission(kind="engine-fetch", service=reference.familiar, what=what)
 
 
-def _agreed(name: str, replies: Mapping[str, Reply]) -> Found:
+def _agreed(name: str, replies: Mapping[str, Reply], say: Callable[[str], None]) -> Found:
     short = parse_reference(name).familiar
     found = {robot: one for robot, reply in sorted(replies.items()) if (one := _digest(reply))}
     if not found:
@@ -81,6 +83,8 @@ def _agreed(name: str, replies: Mapping[str, Reply]) -> Found:
             hint="look at the registries or mirrors that they use",
             code=Code.DIGESTS,
         )
+    if others := [robot for robot in sorted(replies) if robot not in found] if len(found) == 1 else []:
+        say(f"what {short} is now {next(iter(found))} alone says: no registry told it to {', '.join(others)}")
     digest = next(iter(found.values()))[0]
     return digest, tuple(sorted({one for _, platforms in found.values() for one in platforms}))
 

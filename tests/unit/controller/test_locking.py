@@ -244,6 +244,21 @@ def test_robots_are_believed_when_they_agree() -> None:
     assert digests.look_up(ask_each({}), [], [], ()) == {}
 
 
+def test_a_name_of_which_one_robot_alone_says_what_it_is_is_told() -> None:
+    """One that others cannot look up, as where one robot has the login, is in the lock by that one's word."""
+    known = Reply(status=200, ok=True, out=json.dumps({"Descriptor": {"digest": OLD}}))
+    refused = Reply(status=401, ok=False, err="no login")
+    told: list[str] = []
+    for replies in (
+        {"r1": refused, "r2": known, "r3": refused},
+        {"r1": known, "r2": known, "r3": refused},
+        {"r1": known},
+    ):
+        answers = {robot: [one] for robot, one in replies.items()}
+        assert digests.look_up(lambda _, said=answers: said, replies, [BUSYBOX], (), told.append)[BUSYBOX][0] == OLD
+    assert told == ["what busybox:latest is now r2 alone says: no registry told it to r1, r3"]
+
+
 @pytest.mark.parametrize("name", ["127.0.0.1:9998/x:1", "robot2:5000/x:1", "localhost:5000/x:1", "nas.lan/x:1"])
 def test_no_robot_s_own_network_is_asked_without_permission(name: str) -> None:
     """A lock, and a plan with `pull_policy: always`, look names up before anything is shown or confirmed."""
