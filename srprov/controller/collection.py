@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
+from shlex import quote
 from typing import Any, TypeVar
 
 import msgspec
@@ -90,7 +91,7 @@ def collect(
     services = _services(snapshot, experiment, instance)
     if said := made_by_another(looking(snapshot, instance).snapshot, instance, source):
         if not meant:
-            hint = f"if you mean that one, name it yourself: --instance {instance}"
+            hint = f"if you mean that one, name it yourself: --instance {quote(instance)}"
             raise RefusedError(said, hint=hint, code=Code.OWNER)
         say(f"note: {said}")
     private.make_folder(folder)

@@ -104,7 +104,7 @@ def test_destroy_takes_the_instance_and_nothing_else(lab_of_module: Lab, tmp_pat
         "docker run -d --name lookalike --label srprov.instance.x=mine --label srprov.instances=mine busybox sleep 1d; "
         "docker run -d --name srprov.mine.other busybox sleep 86400; "
         "docker network create --label srprov.instance.x=mine srprov-lookalike; "
-        "docker volume create --label srprov.instance.x=mine srprov.mine.theirs; "
+        "docker volume create --label srprov.instance.x=mine srprov-lookalike; "
         "mkdir -p /var/lib/srprov-of-others && echo keep > /var/lib/srprov-of-others/file"
     )
     lab.shell("robot4", "sh", "-ec", by_hand)

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from srprov.controller import compose
+from srprov.controller.compose_files import env_files
 from srprov.controller.input_files import definition_files, reader_files
 from srprov.definitions import load_experiment
 from srprov.errors import DefinitionError
@@ -58,7 +59,7 @@ def test_a_record_has_the_definitions_that_were_read(folder: Path, place: str) -
 def test_an_export_has_the_variables_that_were_read(folder: Path) -> None:
     source = compose.read(str(folder / "e.edf"), frozenset())
     _replaced(folder / "sub", folder.parent / "victim")
-    assert compose._env_files(source) == {"a": {"OWN": "1"}}
+    assert env_files(source.definitions, source.open) == {"a": {"OWN": "1"}}
 
 
 def test_a_link_that_took_the_place_of_an_env_file_is_not_followed(
