@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from srprov.evidence.verify import verify
-from srprov.network.addresses import allocate
+from srprov.network.addresses import allocate, bridge_macs
 from tests.unit.evidence.bundles import Content, unpacked
 from tests.unit.evidence.test_questions import QUESTIONS, asked, graph_of
 
@@ -83,7 +83,8 @@ def test_it_tells_nobody_whose_machine_it_was(everything: Content) -> None:
     """Overlays are made by srprov from the experiment's name; all other addresses are for documentation."""
     plan = next(data for name, data in everything.items() if name.endswith("/plan.json"))
     (overlay,) = {ipaddress.IPv4Network(one[1].decode()) for one in SUBNET.finditer(plan)}
-    cards = allocate("race", overlay, ("referee", "recorder", "runner"), ()).macs.values()
+    services = allocate("race", overlay, ("referee", "recorder", "runner"), ()).macs.values()
+    cards = {*services, *bridge_macs("race", ("robot1", "robot2", "robot3"), services).values()}
     mine = {getpass.getuser(), socket.gethostname(), str(Path.home())} - {"root", "localhost"}
     for name, data in everything.items():
         if "/inputs/" not in name or name.endswith("inventory.yml"):  # else it is the experiment's own
