@@ -58,7 +58,8 @@ _GROUPS = {"export": ("compose", "kubernetes", "swarm"), "import": ("compose", "
 _MOST = {"workers": os.cpu_count() or 1, "forks": 512}  # of a project's file: processes and threads of this machine
 OWN_FIRST = ("inventories",)  # here the user's own file is stronger where what it has stands: robots get his secrets
 _SWITCHES = ("locked",)  # a project's file may ask for it, and not do without what the user's own asks for
-_MOST_BYTES, _MOST_FAULTS, _BEYOND, _MOST_ENTRIES, _LONGEST = 1 << 20, 20, 1e15, 64, 4096  # of a list, of a text
+_MOST_BYTES, _MOST_FAULTS, _BEYOND = 1 << 20, 20, 1e15
+_MOST_ENTRIES, _LONGEST = 64, 4096  # of a list, and characters of a text
 
 
 class ConfigFile(msgspec.Struct, frozen=True, kw_only=True):

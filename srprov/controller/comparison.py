@@ -21,8 +21,8 @@ from srprov.facts.stored_look import StoredLook
 from srprov.modules import MODULES, RANK, RUNNING
 from srprov.modules.file import FileParams
 from srprov.modules.tree import TreeParams
-from srprov.planning.brought import brought
 from srprov.planning.plan import Plan, Step
+from srprov.planning.steps import step_of
 from srprov.resource import Action, Change, Difference, Observed, Resource
 
 
@@ -99,7 +99,4 @@ def _changed(old: Resource, new: Resource, blobs: Mapping[str, bytes]) -> Iterat
 
 
 def _step(want: Resource, change: Change, differences: tuple[Difference, ...]) -> Step:
-    return Step(
-        number=0, host=want.host, module=want.module, name=want.name, change=change, want=want, differences=differences,
-        makes=brought(want, change),
-    )  # fmt: skip
+    return replace(step_of(want, change), differences=differences)

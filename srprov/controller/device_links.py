@@ -15,6 +15,7 @@ from srprov.untrusted import folder, lines_of
 from srprov.wire import Query, quote
 
 _MOST_LINES = 100_000
+"""Of one answer: a service has at most 1000 mounts."""
 _ANY = "it may be any device"
 
 
@@ -27,12 +28,17 @@ def where_they_lead(services: Iterable[Service]) -> Query:
     return Query(command="\n".join([*tests, ":"]))
 
 
+def led_to(said: str) -> dict[str, str]:
+    """Return number, as it was asked by -> where that leads, by what a robot says; an answer that is no path is ""."""
+    return {number: folder(path) for number, _, path in (line.partition(" ") for line in lines_of(said, _MOST_LINES))}
+
+
 def graver_devices(services: Iterable[Service], said: str) -> Iterator[str]:
     """Yield a sentence for each device that is more than its name says, by what a robot says of where it is."""
     users = _users(services)
-    led = dict(line.partition(" ")[::2] for line in lines_of(said, _MOST_LINES))
+    led = led_to(said)
     for number, (path, names) in enumerate(users.items()):
-        real = folder(led.get(str(number), ""))
+        real = led.get(str(number), "")
         if real in ("", path) or of_device(plain(path)):
             continue  # it is where it seems to be, or that was said
         if note := of_device(plain(real)) if real.startswith("/dev/") else _ANY:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from srprov.assignment.requirements import kernel_fits
-from srprov.controller.device_links import graver_devices, where_they_lead
+from srprov.controller.device_links import graver_devices, led_to, where_they_lead
 from srprov.controller.other_names import USED, other_names, used
 from srprov.controller.robot_mounts import MOUNTS, Mounts
 from srprov.definitions.containermodel import Mount
@@ -17,7 +17,7 @@ from srprov.modules.mount_kind import GRAVE, gives_away, mount_kind, plain, writ
 from srprov.planning.plan import Step
 from srprov.resource import Action
 from srprov.robot_answers import TooManyError
-from srprov.untrusted import folder, lines_of, text
+from srprov.untrusted import text
 from srprov.wire import Query, Reply, quote
 
 ASKED = 4
@@ -25,8 +25,6 @@ ASKED = 4
 _RECURSIVE_API, _RECURSIVE_KERNEL = "1.44", "5.12"
 """From Docker 25 and Linux 5.12 on, all that is mounted below a path is read-only with it."""
 _MOST_NAMED = 4
-_MOST_LINES = 100_000
-"""Of one answer: a service has at most 1000 mounts."""
 
 
 def notes_of_robots(steps: Iterable[Step], snapshot: Snapshot, look: Gathering) -> tuple[str, ...]:
@@ -134,8 +132,8 @@ def _folders(services: Iterable[Service]) -> Query:
 
 def _leads(services: Iterable[Service], reply: Reply) -> dict[str, str]:
     """Return source -> where it really is, by the reply to `_folders`."""
-    said = dict(line.partition(" ")[::2] for line in lines_of(reply.out, _MOST_LINES))
-    return {source: folder(said.get(str(number), "")) or source for number, source in enumerate(_all_sources(services))}
+    said = led_to(reply.out)
+    return {source: said.get(str(number)) or source for number, source in enumerate(_all_sources(services))}
 
 
 def _written(services: Iterable[Service]) -> set[str]:

