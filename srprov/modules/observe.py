@@ -33,7 +33,7 @@ def parse_observed(replies: Sequence[Reply], kinds: Iterable[str] = tuple(MODULE
 
     Raises:
         TooManyError: There are more things of a kind than a robot can have.
-        ValueError: One has a name, or a text in its state, that no robot's thing can have.
+        ValueError: One has a name, or a text in its state, that no robot's thing can have, or one of ours stands twice.
     """
     found: list[Observed] = []
     start = 0
@@ -48,6 +48,10 @@ def parse_observed(replies: Sequence[Reply], kinds: Iterable[str] = tuple(MODULE
             _check(one)
         found += ours
         start += count
+    ours_by_name = Counter((one.module, one.name) for one in found if one.instance)
+    if ours_by_name and (most_named := ours_by_name.most_common(1)[0])[1] > 1:
+        kind, name = most_named[0]
+        raise ValueError(f"it names the {kind} {name[:60]!r} twice")  # two steps would be about one thing
     of_instances = Counter(one.instance for one in found if one.instance)
     if of_instances and (most_of := of_instances.most_common(1)[0])[1] > _MOST:
         raise TooManyError(f"it has more than {_MOST} things of the instance {most_of[0]}")

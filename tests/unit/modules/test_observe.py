@@ -21,6 +21,14 @@ def containers(count: int) -> list[Reply]:
     return [Reply(status=200, out=json.dumps(listed)) for _ in observe_queries(["container"])]
 
 
+def test_a_robot_that_has_one_thing_of_ours_twice_is_not_believed() -> None:
+    """Two steps of one plan would be about it, and the plan for all robots would end."""
+    one = {"Names": ["/srprov.i.a"], "Labels": {"srprov.instance": "i", "srprov.service": "a"}}
+    replies = [told([one, {**one, "Id": "ffff"}]) for _ in observe_queries(["container"])]
+    with pytest.raises(TransportError, match="its answers cannot be read"), answers_of("r1"):
+        parse_observed(replies, ["container"])
+
+
 def test_a_robot_that_names_more_containers_than_it_can_have_is_not_believed() -> None:
     """Its answer is shorter than any answer may be; what is made of it would have no end."""
     assert len(parse_observed(containers(1000), ["container"])) == 1000
