@@ -32,7 +32,7 @@ Found = tuple[str, tuple[str, ...]]
 
 def look_up(
     ask_each: AskEach, robots: Iterable[str], names: Collection[str], allowed: Collection[str],
-    say: Callable[[str], None] = lambda _: None,
+    say: Callable[[str], None],
 ) -> dict[str, Found]:  # fmt: skip
     """Return full name with tag -> what it is now.
 
@@ -54,7 +54,7 @@ def look_up(
     ]
     replies = ask_each(dict.fromkeys(asked, questions)) if wanted else {}
     return {
-        name: _agreed(name, {robot: answers[index] for robot, answers in replies.items()}, say)
+        name: _agreed(name, asked, {robot: answers[index] for robot, answers in replies.items()}, say)
         for index, name in enumerate(wanted)
     }
 
@@ -68,7 +68,7 @@ def _beyond(names: Iterable[str]) -> Iterator[Permission]:
             yield Permission(kind="engine-fetch", service=reference.familiar, what=what)
 
 
-def _agreed(name: str, replies: Mapping[str, Reply], say: Callable[[str], None]) -> Found:
+def _agreed(name: str, asked: Sequence[str], replies: Mapping[str, Reply], say: Callable[[str], None]) -> Found:
     short = parse_reference(name).familiar
     found = {robot: one for robot, reply in sorted(replies.items()) if (one := _digest(reply))}
     if not found:
@@ -83,7 +83,8 @@ def _agreed(name: str, replies: Mapping[str, Reply], say: Callable[[str], None])
             hint="look at the registries or mirrors that they use",
             code=Code.DIGESTS,
         )
-    if others := [robot for robot in sorted(replies) if robot not in found] if len(found) == 1 else []:
+    # one that did not answer contradicts nobody either
+    if others := [robot for robot in asked if robot not in found] if len(found) == 1 else []:
         say(f"what {short} is now {next(iter(found))} alone says: no registry told it to {', '.join(others)}")
     digest = next(iter(found.values()))[0]
     return digest, tuple(sorted({one for _, platforms in found.values() for one in platforms}))

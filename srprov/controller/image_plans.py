@@ -51,10 +51,10 @@ def with_fresh(
     reachable: Collection[str],
     ask: AskEach,
     allowed: Collection[str],
-) -> tuple[Definitions, Experiment]:
+) -> tuple[Definitions, Experiment, tuple[str, ...]]:
     """Put in the digests of tags that shall be looked up for each plan; see `pull_policy.with_fresh`."""
     if all(one.runtime.pull_policy != "always" for one in experiment.services.values()):
-        return definitions, experiment
+        return definitions, experiment, ()
     from srprov.controller import pull_policy
 
     return pull_policy.with_fresh(definitions, experiment, placed, reachable, ask, allowed)

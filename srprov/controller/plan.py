@@ -145,7 +145,7 @@ def make_plan(
     amiss, alone = ((), ()) if request.images_only else all_notes(desired, snapshot.observed)
     check_writers(steps, [(placed.placed.get(name, ""), one) for name, one in choice.experiment.services.items()], look)
     unready = check_ready(steps, choice, instance, snapshot, look, playbooks=bool(theirs))
-    notes = (*notes, *amiss, *alone, *unready, *mtu_notes(overlay, snapshot))
+    notes = (*notes, *inputs.doubts, *amiss, *alone, *unready, *mtu_notes(overlay, snapshot))
     made = plan_value(definitions, replace(inputs, snapshot=snapshot), placed, theirs, steps, unchanged, notes)
     made = replace(made, chosen=any(choice.free or one in choice.new for one in placed.runner_up))
     enforce(made, look.inventory, request.policies)
@@ -193,7 +193,7 @@ def _inputs(
 ) -> RenderInputs:  # fmt: skip
     reachable = snapshot.facts.keys()
     mine, experiment = bundled.chosen(request.bundled, choice.experiment, placed.placed, snapshot.facts)
-    definitions, experiment = with_fresh(
+    definitions, experiment, doubts = with_fresh(
         definitions, experiment, placed.placed, reachable, look.ask_each, request.allowed
     )
     images, references = plan_images(bundled.to_build(definitions.containers, experiment, mine))
@@ -215,6 +215,7 @@ def _inputs(
         images_for=services_of(request.targets, experiment, placed.placed) if request.images_only else (),
         bundled=mine,
         builders=builders,
+        doubts=doubts,
     )
     check_there(inputs, seen=look.sees)
     check_platforms(inputs, definitions)

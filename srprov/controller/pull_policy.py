@@ -22,10 +22,10 @@ def with_fresh(
     reachable: Collection[str],
     ask: AskEach,
     allowed: Collection[str],
-) -> tuple[Definitions, Experiment]:
-    """Return definitions and experiment with the digests that the tags of services with `always` have now.
+) -> tuple[Definitions, Experiment, tuple[str, ...]]:
+    """Return definitions and experiment with the digests that the tags of services with `always` have now, and notes.
 
-    Their plan is as certain as any other: the digest stands in it. What a lock holds is not looked up.
+    The digest stands in the plan. What a lock holds is not looked up. Of what one robot alone says, there is a note.
 
     Args:
         definitions: What was read.
@@ -45,16 +45,18 @@ def with_fresh(
     using = {name for name, one in experiment.services.items() if name in fresh or (one.cdf and one.cdf in keys)}
     robots = {placed[name] for name in using if placed.get(name) in reachable}
     if not any(placed.get(name) in reachable for name in fresh):
-        return definitions, experiment
+        return definitions, experiment, ()
     mine = replace(
         definitions,
         experiment=replace(experiment, services=fresh, remote=()),
         containers={key: one for key, one in definitions.containers.items() if key in keys},
     )
-    found = look_up(ask, robots, names_of(mine).images, allowed)
+    notes: list[str] = []
+    found = look_up(ask, robots, names_of(mine).images, allowed, notes.append)
     digests = {name: digest for name, (digest, _) in found.items()}
     fixed = pinned(mine, Lock(digests=digests, platforms={name: one for name, (_, one) in found.items()}))
     containers = {**definitions.containers, **fixed.containers}
     platforms = {**definitions.platforms, **fixed.platforms}
     services = {**experiment.services, **pinned_services(mine.experiment, digests).services}
-    return replace(definitions, containers=containers, platforms=platforms), replace(experiment, services=services)
+    definitions = replace(definitions, containers=containers, platforms=platforms)
+    return definitions, replace(experiment, services=services), tuple(notes)

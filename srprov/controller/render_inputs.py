@@ -48,3 +48,5 @@ class RenderInputs(msgspec.Struct, frozen=True, kw_only=True):
     """Service -> the image that it has from this machine's cache of layers."""
     builders: Collection[str] = ()
     """The hosts of the inventory's group `builders`: images are built there first."""
+    doubts: tuple[str, ...] = ()
+    """Notes on what one robot alone says of images that others get, too."""

@@ -234,14 +234,14 @@ def test_robots_are_believed_when_they_agree() -> None:
         return ask
 
     every = {"r1": OLD, "r2": OLD, "r3": None, "r4": NEW}
-    assert digests.look_up(ask_each(every), every, [BUSYBOX], ()) == {BUSYBOX: (OLD, ("linux/arm64/v8",))}
+    assert digests.look_up(ask_each(every), every, [BUSYBOX], (), print) == {BUSYBOX: (OLD, ("linux/arm64/v8",))}
     assert asked == [f"r{i} /distribution/busybox:latest/json" for i in (1, 2, 3)]
     with pytest.raises(UsageError, match=f"robots disagree about busybox:latest: r1 {OLD}, r4 {NEW}"):
-        digests.look_up(ask_each(every), ["r4", "r1"], [BUSYBOX], ())
+        digests.look_up(ask_each(every), ["r4", "r1"], [BUSYBOX], (), print)
     for nonsense in ("latest", ["x"], OLD + "0", None):
         with pytest.raises(UsageError, match="no robot could learn"):
-            digests.look_up(ask_each({"r1": nonsense}), ["r1"], [BUSYBOX], ())
-    assert digests.look_up(ask_each({}), [], [], ()) == {}
+            digests.look_up(ask_each({"r1": nonsense}), ["r1"], [BUSYBOX], (), print)
+    assert digests.look_up(ask_each({}), [], [], (), print) == {}
 
 
 def test_a_name_of_which_one_robot_alone_says_what_it_is_is_told() -> None:
@@ -253,10 +253,12 @@ def test_a_name_of_which_one_robot_alone_says_what_it_is_is_told() -> None:
         {"r1": refused, "r2": known, "r3": refused},
         {"r1": known, "r2": known, "r3": refused},
         {"r1": known},
+        {"r1": None, "r2": known},
     ):
-        answers = {robot: [one] for robot, one in replies.items()}
+        answers = {robot: [one] for robot, one in replies.items() if one}
         assert digests.look_up(lambda _, said=answers: said, replies, [BUSYBOX], (), told.append)[BUSYBOX][0] == OLD
-    assert told == ["what busybox:latest is now r2 alone says: no registry told it to r1, r3"]
+    alone = "what busybox:latest is now r2 alone says: no registry told it to"
+    assert told == [f"{alone} r1, r3", f"{alone} r1"], "who does not answer contradicts nobody either"
 
 
 @pytest.mark.parametrize("name", ["127.0.0.1:9998/x:1", "robot2:5000/x:1", "localhost:5000/x:1", "nas.lan/x:1"])
@@ -270,9 +272,9 @@ def test_no_robot_s_own_network_is_asked_without_permission(name: str) -> None:
 
     answer = Reply(status=200, ok=True, out=json.dumps({"Descriptor": {"digest": OLD}}))
     with pytest.raises(RefusedError, match=f"{name}: engine-fetch"):
-        digests.look_up(ask, ["r1"], [BUSYBOX, name], {"git"})
+        digests.look_up(ask, ["r1"], [BUSYBOX, name], {"git"}, print)
     assert not asked
-    assert digests.look_up(ask, ["r1"], [name], {"engine-fetch"}) == {name: (OLD, ())}
+    assert digests.look_up(ask, ["r1"], [name], {"engine-fetch"}, print) == {name: (OLD, ())}
 
 
 def test_pins_reach_what_is_extended_to_more_services(here: Path) -> None:
@@ -396,7 +398,7 @@ def test_whatever_platforms_a_robot_tells_the_lock_can_be_read_again(tmp_path: P
 
     lies = [{"os": "linux", "architecture": "x" * 60_000}, *({"os": f"o{n}", "architecture": "a"} for n in range(2000))]
     replies = {"r1": [told(lies)], "r2": [told([{"os": "linux", "architecture": "amd64"}])]}
-    digest, platforms = digests.look_up(lambda _asked: replies, ["r1", "r2"], [BUSYBOX], ())[BUSYBOX]
+    digest, platforms = digests.look_up(lambda _asked: replies, ["r1", "r2"], [BUSYBOX], (), print)[BUSYBOX]
     assert "linux/amd64" in platforms
     odd = package_records._platform({"Os": "linux", "Architecture": "\u00b2" * 60_000})
     path = tmp_path / "e.lock"

@@ -45,14 +45,15 @@ def test_always_puts_in_what_the_tags_are_now_and_asks_robots_that_run_them(here
         _edf("a: {cdf: a.cdf}", "b: {image: busybox, pull_policy: always}", "c: {image: busybox}"), {}
     )
     placed = {"a": "r1", "b": "r2", "c": "r3"}
-    definitions, experiment = with_fresh(read, read.experiment, placed, placed.values(), ask, ())
+    definitions, experiment, notes = with_fresh(read, read.experiment, placed, placed.values(), ask, ())
+    assert notes == ()
     assert next(iter(definitions.containers.values())).base == f"debian@{DIGEST}"
     assert (experiment.services["b"].image, experiment.services["c"].image) == (f"busybox@{DIGEST}", "busybox")
     assert {host for host, _ in asked} == {"r1", "r2"}
     assert definitions.platforms == {f"{name}@{DIGEST}": ("linux/amd64",) for name in ("busybox", "debian")}
     asked.clear()
     same = with_fresh(read, read.experiment, placed, ["r3"], ask, ())
-    assert same == (read, read.experiment) and not asked, "nobody who runs them answers"
+    assert same == (read, read.experiment, ()) and not asked, "nobody who runs them answers"
     with pytest.raises(UsageError, match="what busybox:latest is now, no robot could learn"):
         with_fresh(read, read.experiment, placed, placed.values(), lambda _questions: {}, ())
     local = load_experiment(_edf('a: {image: "127.0.0.1:9998/x", pull_policy: always}'), {})
@@ -73,6 +74,20 @@ def test_a_robot_says_what_others_get_only_where_these_say_the_same(here: Path) 
     read = load_experiment(_edf("a: {cdf: a.cdf}", "b: {cdf: a.cdf, pull_policy: missing}"), {})
     with pytest.raises(UsageError, match="robots disagree about debian"):
         with_fresh(read, read.experiment, {"a": "r1", "b": "r2"}, ["r1", "r2"], ask, ())
+
+
+def test_a_digest_that_one_robot_alone_says_is_noted(here: Path) -> None:
+    """Where another one cannot look it up, as its way to the registry is gone, it gets what that one likes."""
+    known = Reply(status=200, ok=True, out=json.dumps({"Descriptor": {"digest": DIGEST}}))
+    placed = {"a": "r1", "b": "r2"}
+    read = load_experiment(_edf(*(f"{one}: {{image: busybox, pull_policy: always}}" for one in placed)), {})
+    for other in ([Reply(status=500, ok=False, err="no way")], None):
+        answers = {"r1": [known]} | ({"r2": other} if other else {})
+        _, experiment, notes = with_fresh(
+            read, read.experiment, placed, placed.values(), lambda _, said=answers: said, ()
+        )
+        assert experiment.services["b"].image == f"busybox@{DIGEST}"
+        assert notes == ("what busybox:latest is now r1 alone says: no registry told it to r2",)
 
 
 @pytest.mark.parametrize("policy", ["missing", "if_not_present", "always", "never"])

@@ -58,7 +58,7 @@ def test_what_an_engine_says_is_one_line_of_an_error(end: str) -> None:
 def test_what_a_registry_says_by_an_engine_is_one_line(end: str) -> None:
     replies = {"r1": [Reply(status=500, ok=False, err=f"too many{end}{ORDER}")]}
     with pytest.raises(UsageError) as caught:
-        look_up(lambda _: replies, ["r1"], ["docker.io/library/busybox:latest"], ())
+        look_up(lambda _: replies, ["r1"], ["docker.io/library/busybox:latest"], (), print)
     assert caught.value.message.endswith(f": too many; {ORDER}")
 
 
