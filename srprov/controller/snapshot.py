@@ -32,6 +32,7 @@ from srprov.snapshot.hider import Hider
 from srprov.snapshot.names_there import NamesThere
 from srprov.snapshot.secret_names import SecretNames
 from srprov.snapshot.settings import service_name
+from srprov.snapshot.volume_names import VolumeNames
 from srprov.snapshot.without import without
 from srprov.untrusted import mapping, string
 
@@ -108,7 +109,7 @@ def _robots(seen: Sequence[Seen]) -> list[Robot]:
         shorts[one.name] = _fresh(service_name(one.name), shorts.values())
     taken = {f"{short}-host" for short in shorts.values()}
     there = NamesThere({one.name: [box for box, _ in one.containers] for one in seen})
-    given, robots = SecretNames(), []
+    given, volumes, robots = SecretNames(), VolumeNames(), []
     for one in seen:
         robot = Robot(
             name=one.name, short=shorts[one.name], host=one.host, repositories=one.repositories, notes=one.notes
@@ -123,6 +124,7 @@ def _robots(seen: Sequence[Seen]) -> list[Robot]:
             try:
                 with answers_of(one.name):
                     made = service_of(name, box, image, one.runtime, one.notes, given.of(one.name))
+                    made = volumes.named(one.name, robot.short, made, one.notes)
                     services.append(there.without_hostname(one.name, made, one.notes))
             except TransportError as error:
                 one.notes.lost(f"container {name}", error.message)

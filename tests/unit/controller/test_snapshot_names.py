@@ -69,6 +69,22 @@ def test_a_hostname_of_several_robots_takes_no_host_s_place(tmp_path: Path) -> N
     assert edf["services"]["a"]["hostname"] == "vault.lab.example"
 
 
+def with_volume(made: dict[str, Any], name: str) -> dict[str, Any]:
+    return {**made, "Mounts": [{"Type": "volume", "Name": name, "Destination": "/data", "RW": True}]}
+
+
+def test_no_robot_s_volume_has_a_container_of_another_left_out(tmp_path: Path) -> None:
+    """Services of different robots cannot share one, and which of them stays would be the first robot's word."""
+    lies = [with_volume(box(1, "a"), "pgdata"), with_volume(box(2, "b"), "pgdata-r2")]
+    honest = [with_volume(box(3, "db"), "pgdata"), with_volume(box(4, "backup"), "pgdata")]
+    document, edf, _ = taken(tmp_path / "out", r1=Robot(boxes=lies), r2=Robot(boxes=honest))
+    names = {name: one["volumes"][0]["source"] for name, one in edf["services"].items() if "cdf" not in one}
+    own = "pgdata-r2-2"
+    assert names == {"a": "pgdata", "b": "pgdata-r2", "db": own, "backup": own}, "those of one robot share it as before"
+    assert f"its volume pgdata is called {own} here: another robot has one of that name" in str(document)
+    assert "does not go together" not in str(document)
+
+
 def test_words_without_end_are_looked_at_in_time() -> None:
     begun = time.monotonic()
     long = {f"r{at}": [box(at, "x", [f"A={'a -b' * 200_000}"])] for at in range(10)}
