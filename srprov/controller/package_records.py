@@ -19,6 +19,7 @@ from srprov.controller.digests import PLATFORM, AskEach
 from srprov.controller.image_plans import plan_images
 from srprov.controller.pins import pinned
 from srprov.definitions.lockfile import Lock, Packages
+from srprov.definitions.model import BUILDERS
 from srprov.errors import LockHeld, TransportError
 from srprov.execution.lock_set import LockOptions, LockSet
 from srprov.execution.locks import claim
@@ -50,6 +51,8 @@ class _Read(msgspec.Struct, frozen=True):
     """Its id."""
     base: str
     """What its last stage starts from."""
+    builder: bool
+    """The robot built it, and builds for others; any other one that has it, too, only says what is in it."""
 
 
 def with_records(lock: Lock, made: Draft, look: Gathering, sessions: Mapping[str, Session]) -> tuple[Lock, list[str]]:
@@ -71,7 +74,9 @@ def with_records(lock: Lock, made: Draft, look: Gathering, sessions: Mapping[str
         return lock, []
     records = {(one.image, one.platform): one for one in made.kept.packages if one.image in bases}
     engines = {robot: facts.arch for robot, facts in look.first().facts.items() if facts.docker}
-    wanted = _wanted(bases, records, look.ask_each, engines)
+    builders = look.inventory.groups.get(BUILDERS, ()) or engines
+    identities = {robot: sessions[robot].identity for robot in engines if robot in builders and robot in sessions}
+    wanted = _wanted(bases, records, look.ask_each, engines, identities)
     told = [
         f"{tag}: {_NOT_LISTED}no robot has an image of it that was built from here; `srprov build`, then lock again"
         for tag in sorted(bases.keys() - {one.tag for one in wanted} - {image for image, _ in records})
@@ -84,19 +89,23 @@ def with_records(lock: Lock, made: Draft, look: Gathering, sessions: Mapping[str
         else:
             records[(one.tag, one.platform)] = found
             words = f"{found.count} package{'s' * (found.count != 1)} beyond those of its base are in the lock"
+            words += "" if one.builder else ", by the word of a robot from which others do not have it"
         told.append(f"{one.tag} on {one.robot}: {words}")
     return replace(lock, packages=tuple(records[key] for key in sorted(records))), told
 
 
 def _wanted(
-    bases: Mapping[str, str], known: Collection[tuple[str, str]], ask_each: AskEach, robots: Mapping[str, str]
-) -> list[_Read]:
-    """Return where each image is read: for each platform on the first robot that has it as it was built from here.
+    bases: Mapping[str, str], known: Collection[tuple[str, str]], ask_each: AskEach, robots: Mapping[str, str],
+    identities: Mapping[str, str],
+) -> list[_Read]:  # fmt: skip
+    """Return where each image is read: for each platform on a robot that has it as it was built from here.
 
-    `robots` says of what architecture each is.
+    That is who built it, who is trusted with it, or else the first one by name: what a robot lists of an image is its
+    word, whatever id it says that this has. `robots` says of what architecture each is, `identities` who those that
+    build for others prove to be.
     """
     tags = sorted(bases)
-    ours = {key: {one.partition(" ")[0] for one in built} for key, built in known_images().items()}
+    ours = {key: {one.partition(" ")[::2] for one in built} for key, built in known_images().items()}
     questions = [EngineQuery(path=f"/images/{tag}/json") for tag in tags]
     replies = ask_each(dict.fromkeys(robots, questions)) if tags else {}
     wanted: dict[tuple[str, str], _Read] = {}
@@ -104,8 +113,12 @@ def _wanted(
         for tag, reply in zip(tags, answers, strict=True):
             said = mapping(reply.json()) if reply.ok else {}
             platform, image = _platform(said), string(said.get("Id"))
-            if platform and (tag, platform) not in known and image in ours.get(built_for(tag, robots[robot]), ()):
-                wanted.setdefault((tag, platform), _Read(robot, tag, platform, image, bases[tag]))
+            who = {by for one, by in ours.get(built_for(tag, robots[robot]), ()) if one == image}
+            if not platform or not who or (tag, platform) in known:
+                continue
+            one = _Read(robot, tag, platform, image, bases[tag], builder=identities.get(robot) in who)
+            if one.builder > wanted.setdefault((tag, platform), one).builder:
+                wanted[tag, platform] = one
     return list(wanted.values())
 
 

@@ -18,7 +18,7 @@ from srprov.controller.pins import differences, names_of, pinned
 from srprov.controller.source import read_definitions
 from srprov.definitions import check_files, load_experiment
 from srprov.definitions.lockfile import Lock, Packages, dump, load, lock_path
-from srprov.definitions.model import Inventory
+from srprov.definitions.model import BUILDERS, Inventory
 from srprov.errors import DefinitionError, RefusedError, UsageError
 from srprov.execution.packages import NoListing
 from srprov.facts.model import Snapshot
@@ -303,7 +303,7 @@ class _Fleet:
     """Two robots with engines, of which images are known by name; each tells the packages of an image by its id."""
 
     def __init__(self, images: Mapping[str, Mapping[str, str]]) -> None:
-        self.images = images
+        self.images, self.inventory = images, NO_ROBOTS
         self.robots = World().add(*images)
         self.facts = dict.fromkeys(images, SimpleNamespace(docker=True, arch="amd64"))
         self.read: list[str] = []
@@ -337,11 +337,14 @@ def test_what_a_build_added_to_its_base_is_recorded_once(here: Path, monkeypatch
     lock = Lock(digests={BUSYBOX: OLD, DEBIAN: OLD})
     (tag,) = (one.tag for one in plan_images(pinned(load_experiment("e.edf", {}), lock).containers)[0].values())
     base = f"debian@{OLD}"
-    known = {built_for(tag, "amd64"): frozenset({"built", "broken"})}
+    known = {built_for(tag, "amd64"): frozenset({"built r2 key", "broken r1 key"})}
     monkeypatch.setattr(package_records, "known_images", lambda: known)
 
-    def recorded(images: Mapping[str, Mapping[str, str]], old: Lock = lock, *update: str) -> Any:
+    def recorded(
+        images: Mapping[str, Mapping[str, str]], old: Lock = lock, *update: str, inventory: Inventory = NO_ROBOTS
+    ) -> Any:
         fleet = _Fleet(images)
+        fleet.inventory = inventory
         monkeypatch.setattr(package_records, "packages_in", fleet.packages_in)
         made = locking.draft("e.edf", old, update, (), NO_ROBOTS)
         look: Any = fleet
@@ -361,6 +364,14 @@ def test_what_a_build_added_to_its_base_is_recorded_once(here: Path, monkeypatch
     stale = Lock(packages=(Packages(image="srprov/other:1", platform="linux/amd64"),))
     assert recorded({"r2": {}}, stale)[0].packages == ()
 
+    both = {tag: "built", base: "base"}
+    (line,) = recorded({"r1": both, "r2": both})[1]
+    assert line == f"{tag} on r2: 2 packages beyond those of its base are in the lock"
+    others = Inventory(hosts={}, groups={BUILDERS: ("r3",)})
+    for there, inventory in (({"r1": both, "r3": both}, NO_ROBOTS), ({"r1": {}, "r2": both}, others)):
+        (line,) = recorded(there, inventory=inventory)[1]
+        assert line.endswith("are in the lock, by the word of a robot from which others do not have it"), line
+
     for images, why in (
         ({tag: "foreign", base: "base"}, "no robot has an image of it that was built from here"),
         ({tag: "built"}, f"its base {base} is not there any more"),
@@ -374,7 +385,7 @@ def test_a_robot_that_is_held_is_not_read(here: Path, monkeypatch: pytest.Monkey
     (here / "e.edf").write_text("edf: 1\nname: demo\nservices: {c: {cdf: Dockerfile}}\n")
     lock = Lock(digests={BUSYBOX: OLD, DEBIAN: OLD})
     (tag,) = (one.tag for one in plan_images(pinned(load_experiment("e.edf", {}), lock).containers)[0].values())
-    monkeypatch.setattr(package_records, "known_images", lambda: {built_for(tag, "amd64"): frozenset({"built"})})
+    monkeypatch.setattr(package_records, "known_images", lambda: {built_for(tag, "amd64"): frozenset({"built r1 key"})})
     fleet = _Fleet({"r1": {tag: "built"}})
     monkeypatch.setattr(package_records, "packages_in", fleet.packages_in)
     held = fleet.robots.robots["r1"].open_lock_channel("", ['{"owner": "anna@lab"}'], Pulse())
