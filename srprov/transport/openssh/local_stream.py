@@ -50,6 +50,18 @@ class LocalStreamTransport(Transport):
         finally:
             self._wanted.path = None
 
+    def _verify_key(self, host_key: bytes, signature: bytes) -> None:
+        """Take the far end's key; when keys are exchanged anew, no other one, as nobody would compare that.
+
+        Raises:
+            paramiko.SSHException: It is another one, or did not sign.
+        """
+        before: paramiko.PKey | None = self.host_key
+        super()._verify_key(host_key, signature)  # type: ignore[misc]  # paramiko's own, which its stubs leave out
+        if before is not None and self.host_key != before:
+            self.host_key = before
+            raise paramiko.SSHException("it shows another host key within one connection")
+
     def get_exception(self) -> Exception | None:
         """Return what ended the connection, once, and nothing but paramiko's own errors and the system's."""
         return in_words(super().get_exception())
