@@ -33,7 +33,7 @@ from srprov.snapshot.names_there import NamesThere
 from srprov.snapshot.secret_names import SecretNames
 from srprov.snapshot.settings import service_name
 from srprov.snapshot.volume_names import VolumeNames
-from srprov.snapshot.without import without
+from srprov.snapshot.without import all_without, another_s
 from srprov.untrusted import mapping, string
 
 REPORT = "report.md"
@@ -178,17 +178,17 @@ def _definition(robot: Robot, hider: Hider, own: Hider) -> Definition | None:
 
 def _cleaned(robot: Robot, hider: Hider, own: Hider) -> Robot:
     """Return a robot in whose services and patches no secret stands once more."""
+    texts = [one.patch.decode("utf-8", "surrogateescape") for one in robot.repositories]
+    strange = any(another_s(one, hider, own) for one in texts)  # which one is, would tell it what the secret is
     repositories = []
-    for one in robot.repositories:
-        text = one.patch.decode("utf-8", "surrogateescape")
-        if hider.without(text) != text:
-            robot.notes.secret(
-                f"repository {one.folder}", "its changes hold a value that is a secret: there is no patch"
-            )
+    for one, text in zip(robot.repositories, texts, strict=True):
+        if one.patch and (strange or own.without(text) != text):
+            whose = "of this robot's hold a secret of another" if strange else "hold a value that is a secret"
+            robot.notes.secret(f"repository {one.folder}", f"changes {whose}: there is no patch")
             repositories.append(replace(one, patch=b""))
         else:
             repositories.append(one)
-    services = tuple(kept for one in robot.services if (kept := without(one, hider, own, robot.notes)))
+    services = all_without(robot.services, hider, own, robot.notes)
     return replace(robot, services=services, repositories=tuple(repositories))
 
 

@@ -134,9 +134,10 @@ def test_what_a_robot_calls_a_secret_makes_no_container_of_another_do_something_
     limited = [box(3, "a", CapDrop=["ALL"]), box(4, "b", SecurityOpt=["no-new-privileges"])]
     two = Robot(boxes=[cleaner, *limited])
     _, edf, written = taken(tmp_path / "out", r1=Robot(boxes=[box(1, "lies", lies)]), r2=two)
-    assert not {"a", "b", "cleaner"} & edf["services"].keys() and "container a: its cap" in written
-    _, edf, _ = taken(tmp_path / "alone", r2=two)
-    assert {"a", "b", "cleaner"} < edf["services"].keys()
+    assert not {"a", "b", "cleaner"} & edf["services"].keys() and "container b: its security" in written
+    for name, more in (("alone", {}), ("short", {"r1": Robot(boxes=[box(1, "lies", lies[2:])])})):
+        _, edf, _ = taken(tmp_path / name, **more, r2=two)
+        assert {"a", "b", "cleaner"} < edf["services"].keys() and edf["services"]["a"]["cap_drop"] == ["ALL"]
 
 
 def test_what_a_robot_calls_a_secret_takes_no_setting_from_a_container_of_another(tmp_path: Path) -> None:

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from srprov.snapshot.hider import Hider
 from srprov.snapshot.secret_names import SecretNames
+from srprov.snapshot.without import another_s
 from tests.unit.controller.test_snapshot import Robot, box, taken
 
 
@@ -45,6 +47,36 @@ def test_no_robot_gets_what_the_user_set_for_another_one_s_snapshot(tmp_path: Pa
         _, edf, _ = taken(tmp_path / f"out{number}", **{robot: one})
         found += [one["env"] for one in edf["secrets"].values()]
     assert found == ["R2__DB__PASSWORD", "R1__DB__PASSWORD"]
+
+
+def test_no_robot_learns_another_one_s_secret_by_which_of_its_containers_come_back(tmp_path: Path) -> None:
+    """A few that each hold half of ten thousand guesses told it which one is right, in one snapshot."""
+    guesses = [f"sunshine{number}" for number in range(8)]
+    halves = {
+        f"c{bit}-{value}": [one for at, one in enumerate(guesses) if at >> bit & 1 == value]
+        for bit in range(3)
+        for value in (0, 1)
+    }
+    lies = [box(at, name, [f"WORDS={' '.join(some)}"]) for at, (name, some) in enumerate(halves.items(), 1)]
+    seen = set()
+    for password in (*guesses, "another-one"):
+        honest = Robot(boxes=[box(9, "db", [f"DB_PASSWORD={password}"])])
+        document, edf, _ = taken(tmp_path / password, r1=Robot(boxes=lies), r2=honest)
+        seen.add(frozenset(halves.keys() & edf["services"].keys()))
+        assert "db" in edf["services"], "its own robot's has it still"
+        assert ("all are left out" in str(document)) == (password in guesses), "the user is told"
+    assert seen == {frozenset(), frozenset(halves)}
+
+    short = Robot(boxes=[box(9, "db", ["DB_PASSWORD=ros1"])])
+    _, edf, _ = taken(tmp_path / "short", r1=Robot(boxes=[box(1, "a", ["WORDS=ros1 ros2"])]), r2=short)
+    assert edf["services"]["a"]["environment"] == ["WORDS=ros1 ros2"], "a usual word is hidden in its own robot's alone"
+
+
+def test_a_change_in_a_repository_tells_no_robot_which_is_another_one_s_secret() -> None:
+    every, own = Hider(["hunter2-and-more", "mine-and-nobody's"]), Hider(["mine-and-nobody's"])
+    assert another_s("+hunter2-and-more", every, own) and not another_s("+mine-and-nobody's", every, own)
+    assert not another_s("+nothing", every, own)
+    assert not another_s("+mine-and-nobody's hunter2-and-more", every, own), "there is no patch, whoever else has one"
 
 
 def test_no_variable_of_a_robot_begins_as_those_of_another_one() -> None:
