@@ -26,7 +26,7 @@ from srprov.conversion.withheld import is_withheld
 from srprov.definitions import check_files
 from srprov.definitions.model import VERSION_CONTROL
 from srprov.definitions.repository_names import WHY, repository_among
-from srprov.definitions.version_control import ELSEWHERE, is_from_elsewhere, names_in
+from srprov.definitions.version_control import ELSEWHERE, has_further_names, is_from_elsewhere, names_in
 from srprov.errors import Diagnostic, UsageError
 from srprov.importing.normal import Refused
 from srprov.yamldoc import writer
@@ -168,12 +168,17 @@ class _Copying:
         known = (about.st_dev, about.st_ino)
         if known in self.known:
             return  # the same file as one that is never copied
-        if all(is_from_elsewhere(about, one, self.names) for one in self.folders):
+        if has_further_names(about) and is_from_elsewhere(about, self._own_folder(source), self.names):
             raise OSError(errno.EXDEV, ELSEWHERE, source)  # once it is copied, nobody knows it again
         self.bytes += len(content)
         if self.bytes > _MOST_BYTES:
             raise OSError(0, f"more than {_MOST_BYTES // regular_file.MIB} MiB would be copied")
         self.tree.write(place, content, stat.S_IMODE(about.st_mode) & 0o777)
+
+    def _own_folder(self, source: str) -> str:
+        """Return the innermost folder around a file: further up lie the files of whoever laid another one over it."""
+        around = (one for one in self.folders if source.startswith(f"{one.rstrip('/')}/"))
+        return max(around, key=len, default=os.path.dirname(source))
 
 
 def _at_home(problem: Diagnostic, draft: Draft, beside: str) -> Diagnostic:

@@ -69,6 +69,35 @@ def test_no_second_name_of_a_file_of_the_users_own_is_imported(
     assert CANARY not in shown.out + shown.err and "pub/x.env" in shown.err
 
 
+@pytest.mark.parametrize("order", [("pub/c.yml", "mine.yml"), ("mine.yml", "pub/c.yml")])
+@pytest.mark.parametrize("mapped", [False, True])
+def test_no_second_name_of_a_file_beside_the_users_own_compose_file_is_imported(
+    here: Path, capsys: pytest.CaptureFixture[str], order: tuple[str, str], mapped: bool
+) -> None:
+    """A stranger's archive, unpacked beside it, has one; and the user lays a file of his own over the stranger's."""
+    Path("pub/maps").mkdir(parents=True)
+    Path("notes").write_text(CANARY)
+    os.link("notes", "pub/maps/floor")
+    from_here = "./maps" if order[0] == "pub/c.yml" or mapped else "./pub/maps"
+    Path("pub/c.yml").write_text(f"services: {{a: {{image: x, volumes: ['{from_here}:/maps:ro']}}}}\n")
+    Path("mine.yml").write_text("services: {b: {image: x}}\n")
+    Path("map.yml").write_text("{c.yml: robot1, mine.yml: robot2}\n")
+    assert run(["import", "compose", *order, *["--robot-map", "map.yml"] * mapped, "-o", "out"]) == 5
+    told = capsys.readouterr()
+    assert "pub/maps/floor" in told.err and "another name" in told.err and not Path("out").exists()
+
+
+def test_a_second_name_beside_the_users_own_compose_file_is_his_own(here: Path) -> None:
+    Path("pub").mkdir()
+    Path("maps").mkdir()
+    Path("maps/floor").write_text("a map")
+    os.link("maps/floor", "maps/now")
+    Path("pub/c.yml").write_text("services: {a: {image: x}}\n")
+    Path("mine.yml").write_text("services: {a: {volumes: ['./maps:/maps:ro']}}\n")
+    assert run(["import", "compose", "mine.yml", "pub/c.yml", "-o", "out"]) == 0
+    assert sorted(one.name for one in Path("out").rglob("maps/*")) == ["floor", "now"]
+
+
 def test_a_secret_of_a_file_that_is_extended_is_not_copied(here: Path) -> None:
     Path("sub/d.yml").write_text(f"services: {{b: {{image: x}}}}\n{SECRET}")
     Path("c.yml").write_text(
