@@ -11,7 +11,7 @@ from typing import Any
 
 from srprov import regular_file
 from srprov.conversion.kept import Kept
-from srprov.conversion.project import FILES, Project
+from srprov.conversion.project import WRITTEN, Project
 from srprov.definitions import dockerfile
 from srprov.importing.position import Path
 
@@ -78,7 +78,7 @@ def _text(
     """Return the Dockerfile's text, and say in `found` where it is, relative to the context."""
     inline = build.get("dockerfile_inline")
     if inline:
-        own = f"{FILES}/{project.names[service]}.dockerfile"
+        own = f"{WRITTEN}/{project.names[service]}.dockerfile"
         project.making.texts[own] = str(inline)
         found["dockerfile"] = os.path.relpath(own, found["context"])
         return str(inline)

@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from srprov.conversion.project import FILES, Project
+from srprov.conversion.project import WRITTEN, Project
 from srprov.definitions.model import makes_repository
 from srprov.importing.position import Path
 
@@ -93,7 +93,7 @@ def _file_name(config: str) -> str:
 def _shipped(entry: Mapping[str, Any], name: str, path: Path, project: Project) -> str:
     """Have a config's file copied or written, and return its path in the experiment."""
     if entry.get("content") is not None:
-        first, content, texts = f"{FILES}/configs/{_file_name(name)}", str(entry["content"]), project.making.texts
+        first, content, texts = f"{WRITTEN}/configs/{_file_name(name)}", str(entry["content"]), project.making.texts
         every = itertools.chain([first], (f"{first}-{number}" for number in itertools.count(2)))
         place = next(one for one in every if texts.get(one, content) == content)
         texts[place] = content

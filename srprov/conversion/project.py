@@ -23,6 +23,8 @@ from srprov.importing.position import Path
 
 FILES = "files"
 """Folder of the experiment that what the files name is copied to."""
+WRITTEN = "written"
+"""Folder of what stood in the files themselves. None of it takes the place of what is copied, or the other way."""
 
 
 class Machine(msgspec.Struct, frozen=True):
@@ -71,6 +73,14 @@ class Making:
     """Real paths of files that hold secrets: they are never copied."""
     origins: dict[str, tuple[Notes, Path]] = field(default_factory=dict)
     """Service -> where it comes from."""
+    words: dict[str, str] = field(default_factory=dict)
+    """Robot -> what the folder of its files is called."""
+
+    def word(self, robot: str) -> str:
+        """Return what the folder of a robot's files is called: each has one of its own."""
+        if robot not in self.words:
+            self.words[robot] = self.free(_word(robot), self.words.values(), "")
+        return self.words[robot]
 
     def free(self, wanted: str, taken: Iterable[str], robot: str) -> str:
         """Return a name that nothing has yet: the wanted one, or one with the robot's or a number."""
@@ -113,7 +123,7 @@ class Project:
         if not any(belongs(real, one) for one in folders):
             return ""
         below = os.path.relpath(real, self.base)
-        first = [FILES, *([_word(self.machine.robot)] if self.machine.robot else [])]
+        first = [FILES, *([self.making.word(self.machine.robot)] if self.machine.robot else [])]
         return os.path.normpath(os.path.join(*first, below))
 
     def take(self, source: str, at: Path) -> str:

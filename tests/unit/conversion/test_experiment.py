@@ -145,9 +145,9 @@ def test_a_dockerfile_in_the_file_is_written_beside(tmp_path: Path) -> None:
     (tmp_path / "d").mkdir()
     build = {"context": "./d", "dockerfile_inline": "FROM busybox\n", "target": "x"}
     found = draft(project({"a": {"build": build}}), tmp_path)
-    assert found.texts == {"files/a.dockerfile": "FROM busybox\n"}
+    assert found.texts == {"written/a.dockerfile": "FROM busybox\n"}
     assert found.cdfs["a.cdf"]["dockerfile"] == {
-        "context": "files/d", "dockerfile": "../a.dockerfile", "target": "x",
+        "context": "files/d", "dockerfile": "../../written/a.dockerfile", "target": "x",
     }  # fmt: skip
 
 
@@ -202,3 +202,17 @@ def test_a_hostname_that_two_services_have_is_the_first_ones(tmp_path: Path) -> 
     found = draft(project({"a": {**IMAGE, "hostname": "rover"}, "b": {**IMAGE, "hostname": "rover"}}), tmp_path)
     assert [one.get("hostname") for one in found.edf["services"].values()] == ["rover", None]
     assert messages(found, Kept.DROPPED) == ["services.b.hostname: 'rover' is the name of another service"]
+
+
+def test_robots_whose_names_are_alike_have_folders_of_their_own(tmp_path: Path) -> None:
+    """`arm.1` and `arm-1`: a file of the one, which may be a stranger's, took the place of the other's."""
+    machines = []
+    for robot in ("arm.1", "arm-1"):
+        (tmp_path / robot / "cfg").mkdir(parents=True)
+        mount = {"type": "bind", "source": "./cfg", "target": "/cfg", "read_only": True}
+        given = normal(project({"a": {"image": "x", "volumes": [mount]}}), str(tmp_path / robot / "compose.yaml"))
+        machines.append(Machine(given, (str((tmp_path / robot).resolve()),), robot))
+    found = convert(machines, "lab", Choices(), str(tmp_path / "out"))
+    assert {place: Path(source).parent.name for place, source in found.copies.items()} == {
+        "files/arm-1/cfg": "arm.1", "files/arm-1-2/cfg": "arm-1",
+    }  # fmt: skip

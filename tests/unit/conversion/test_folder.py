@@ -187,11 +187,36 @@ def test_nothing_is_written_by_way_of_a_projects_links(stack: Path, linked: str)
             "configs": [{"source": "authorized_keys", "target": "/x"}],
         }
     }
-    with pytest.raises(UsageError, match=f"files/{linked}: it is a link"):
-        made(stack, services, configs={"authorized_keys": {"name": "k", "content": "stolen"}})
+    out = made(stack, services, configs={"authorized_keys": {"name": "k", "content": "stolen"}})
     assert left(away) == ["mine"]
     assert (away / "mine").read_text() == "mine"
-    assert left(stack.parent) == ["away", "stack"]
+    assert (out / "files" / linked).is_symlink()
+    assert (out / "written/configs/authorized_keys").read_text() == "stolen"
+
+
+def test_nothing_that_stands_in_a_file_takes_the_place_of_what_is_copied(stack: Path) -> None:
+    """One of several Compose files may be a stranger's: his text was what the service of another one built, or ran."""
+    (stack / "configs").mkdir()
+    (stack / "configs/run.sh").write_text("mine")
+    (stack / "b.dockerfile").write_text("FROM mine\n")
+    services = {
+        "a": {"build": {"context": ".", "dockerfile": "b.dockerfile"}, "volumes": [_reads("./configs")]},
+        "b": {
+            "build": {"context": ".", "dockerfile_inline": "FROM busybox\n"},
+            "configs": [{"source": "run.sh", "target": "/x"}],
+        },
+    }
+    out = made(stack, services, configs={"run.sh": {"content": "a stranger's"}})
+    assert (out / "files/configs/run.sh").read_text() == "mine"
+    definitions = load_experiment(out / "experiment.edf")
+    built = {name: definitions.containers[one.cdf] for name, one in definitions.experiment.services.items()}
+    assert {name: one.dockerfile_text for name, one in built.items()} == {"a": "FROM mine\n", "b": "FROM busybox\n"}
+    mounts = {name: one.runtime.mounts[0].source for name, one in definitions.experiment.services.items()}
+    assert (Path(mounts["a"]) / "run.sh").read_text() == "mine" and Path(mounts["b"]).read_text() == "a stranger's"
+
+
+def _reads(folder: str) -> dict[str, Any]:
+    return {"type": "bind", "source": folder, "target": "/cfg", "read_only": True}
 
 
 def test_a_link_that_is_put_in_the_folder_s_place_meanwhile_leads_nothing_elsewhere(
@@ -220,12 +245,12 @@ def test_no_config_makes_a_repository_or_leads_elsewhere(stack: Path, name: str)
     every = {name: {"content": "ref: x"}, "commondir": {"content": "../../../.git"}}
     services = {"a": {"image": "x", "configs": [{"source": one, "target": f"/{at}"} for at, one in enumerate(every)]}}
     out = made(stack, services, configs=every)
-    assert sorted(one.name for one in (out / "files/configs").iterdir()) == ["commondir", f"config-{name}"]
+    assert sorted(one.name for one in (out / "written/configs").iterdir()) == ["commondir", f"config-{name}"]
 
 
 def test_two_configs_of_one_file_name_are_two_files(stack: Path) -> None:
     every = {one: {"content": one} for one in ("a b-2", "a b", "a?b")}
     services = {"a": {"image": "x", "configs": [{"source": one, "target": f"/{at}"} for at, one in enumerate(every)]}}
     out = made(stack, services, configs=every)
-    texts = {one.name: one.read_text() for one in (out / "files/configs").iterdir()}
+    texts = {one.name: one.read_text() for one in (out / "written/configs").iterdir()}
     assert texts == {"a-b-2": "a b-2", "a-b": "a b", "a-b-3": "a?b"}
