@@ -73,9 +73,9 @@ def _named(given: Mapping[str, Any], one: Mapping[str, Any], service: str, proje
         project.notes.exact((*path, "volume", "nocopy"))
     name = one.get("source")
     if not name:
-        made = _NO_NAME.sub("-", f"{project.names[service]}{one['target']}").strip("-.")
+        made = _made_name(project.names[service], str(one["target"]), project)
         project.notes.adapted(path, f"without a name: the volume '{made}', which stays until destroy --volumes")
-        return _short(project.volume_names.setdefault(f"\0{made}", made), one)
+        return _short(made, one)
     device = _device(str(name), project)
     if device is None:
         return _short(_volume_name(str(name), project), one)
@@ -83,6 +83,19 @@ def _named(given: Mapping[str, Any], one: Mapping[str, Any], service: str, proje
         return _short(device, one)
     at = ("volumes", str(name), "driver_opts", "device")
     return _bind(given, {**one, "source": device}, project, path, at) if device else None
+
+
+def _made_name(service: str, target: str, project: Project) -> str:
+    """Return the name of a volume that has none, which no other service can have, whatever it calls its own."""
+    return _free(f"\0{service}\0{target}", _NO_NAME.sub("-", f"{service}{target}").strip("-."), project)
+
+
+def _free(key: str, wanted: str, project: Project) -> str:
+    """Return the name of a volume that is no other one's, also not one's of which the files say the name."""
+    if key not in project.volume_names:
+        taken = project.making.volumes.keys() | _used(project) | set(project.document.get("volumes") or {})
+        project.volume_names[key] = project.making.free(wanted, taken, project.machine.robot)
+    return project.volume_names[key]
 
 
 def _volume_name(name: str, project: Project) -> str:
@@ -194,9 +207,5 @@ def _seeded(
 
 def _seed_name(place: str, project: Project) -> str:
     """Return the name of the volume that begins with a folder's content; equal for equal folders."""
-    key = f"\0{place}"
-    if key not in project.volume_names:
-        stem = _NO_NAME.sub("-", place.partition("/")[2] or "project").strip("-._") or "folder"
-        taken = project.making.volumes.keys() | _used(project) | set(project.document.get("volumes") or {})
-        project.volume_names[key] = project.making.free(stem, taken, project.machine.robot)
-    return project.volume_names[key]
+    stem = _NO_NAME.sub("-", place.partition("/")[2] or "project").strip("-._") or "folder"
+    return _free(f"\0{place}", stem, project)

@@ -216,3 +216,16 @@ def test_robots_whose_names_are_alike_have_folders_of_their_own(tmp_path: Path) 
     assert {place: Path(source).parent.name for place, source in found.copies.items()} == {
         "files/arm-1/cfg": "arm.1", "files/arm-1-2/cfg": "arm-1",
     }  # fmt: skip
+
+
+def test_a_volume_without_a_name_is_its_services_alone(tmp_path: Path) -> None:
+    """In Compose nobody else can have it. Another service named it, whose file may be a stranger's."""
+    given = {
+        "a": {**IMAGE, "volumes": [{"type": "volume", "source": "db-var-lib", "target": "/x"}]},
+        "db": {**IMAGE, "volumes": [{"type": "volume", "target": "/var/lib"}]},
+        "db-var": {**IMAGE, "volumes": [{"type": "volume", "target": "/lib"}]},
+        "z": {**IMAGE, "volumes": [{"type": "volume", "source": "db-var-lib", "target": "/x"}]},
+    }
+    found = draft(project(given, volumes={"db-var-lib": None}), tmp_path).edf["services"]
+    names = {name: one["volumes"][0].partition(":")[0] for name, one in found.items()}
+    assert names["a"] == names["z"] == "db-var-lib" and len(set(names.values())) == 3
