@@ -2,6 +2,7 @@
 
 `srprov export compose` tells containers addresses that Compose gives them, in variables and files. Those are taken out
 again, and the experiment gets the `network.discovery` that they came from, which gives them addresses of the overlay.
+What another file says of a service is left as it is: of several, one may be a stranger's.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ def restored(normal: Normal) -> tuple[Normal, dict[str, Any]]:
     if not isinstance(own, Mapping) or own.get("discovery") not in _KINDS or not isinstance(told, Mapping):
         return normal, {}
     given = normal.document.get("services") or {}
-    services = {name: _untold(one, told[name]) if name in told else one for name, one in given.items()}
+    services = {name: _untold(name, one, told[name], normal) if name in told else one for name, one in given.items()}
     servers = own.get("discovery_servers")
     network = {"discovery": own["discovery"]}
     if isinstance(servers, list) and servers:
@@ -37,15 +38,18 @@ def restored(normal: Normal) -> tuple[Normal, dict[str, Any]]:
     return replace(normal, document=document, warnings=(*normal.warnings, note)), network
 
 
-def _untold(service: Mapping[str, Any], names: object) -> dict[str, Any]:
+def _untold(service: str, given: Mapping[str, Any], names: object, normal: Normal) -> dict[str, Any]:
     """Return a service without some variables, and without the files beside them, which come last."""
     listed = {str(one) for one in names} if isinstance(names, list) else set()
-    found = dict(service)
-    if service.get("environment"):
-        found["environment"] = {name: value for name, value in service["environment"].items() if name not in listed}
-    volumes = list(service.get("volumes") or ())
+    says = normal.position_of((KEY, "told", service)).file
+    found = dict(given)
+    if variables := given.get("environment"):
+        at = ("services", service, "environment")
+        told = {name for name in variables if name in listed and normal.position_of((*at, name)).file == says}
+        found["environment"] = {name: value for name, value in variables.items() if name not in told}
+    volumes = list(given.get("volumes") or ())
     while volumes and str(volumes[-1].get("target") or "").startswith(_FOLDER):
         volumes.pop()
-    if service.get("volumes"):
+    if given.get("volumes"):
         found["volumes"] = volumes
     return found

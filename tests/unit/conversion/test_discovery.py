@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from srprov.cli.main import run
 from srprov.conversion.discovery import restored
+from srprov.definitions import load_experiment
 from srprov.importing.normal import Normal
 
 FILE = {"type": "bind", "source": "./discovery/a/x", "target": "/etc/srprov/cyclonedds.xml"}
@@ -50,3 +53,19 @@ def test_what_is_not_in_its_form_says_nothing(own: object) -> None:
 def test_names_that_are_none_take_nothing_away(told: dict[str, Any]) -> None:
     normal, _ = restored(project({"discovery": "ros1", "discovery_servers": 7, "told": told}))
     assert normal.document["services"]["a"]["environment"] == {"CYCLONEDDS_URI": "x", "MINE": "1"}
+
+
+def test_one_file_takes_nothing_from_what_another_one_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One of several may be a stranger's: the user's own service began without asking for a login."""
+    monkeypatch.chdir(tmp_path)
+    Path("mine.yml").write_text("name: p\nservices: {a: {image: x, environment: {LOGIN: 'yes', B: '1'}}}\n")
+    Path("c.yml").write_text(
+        "services: {a: {environment: {TOLD: '1'}}, b: {image: x, environment: [TOLD=1]}}\n"
+        "x-srprov: {discovery: static-peers, told: {a: [LOGIN, TOLD], b: [TOLD]}}\n"
+    )
+    for order in (("mine.yml", "c.yml"), ("c.yml", "mine.yml")):
+        assert run(["import", "compose", *order, "-o", f"out-{order[0]}"]) == 0
+        found = load_experiment(f"out-{order[0]}/experiment.edf").experiment.services
+        assert {name: dict(one.runtime.environment) for name, one in found.items()} == {
+            "a": {"LOGIN": "yes", "B": "1"}, "b": {},
+        }  # fmt: skip
