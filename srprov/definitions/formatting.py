@@ -9,6 +9,7 @@ import contextlib
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from shlex import quote
 
 import msgspec
 
@@ -134,7 +135,7 @@ def definition_files(paths: Sequence[str]) -> Iterator[Place]:
         why = "is a link, which would be replaced by a file" if os.path.islink(path) and not os.path.isdir(path) else ""
         if why or link_out(path) or _is_elsewhere(path, real):
             why = why or "a link in it leads out of its folder, and nothing is written by way of it"
-            hint = f"name the file itself: {os.path.realpath(path)}"
+            hint = f"name the file itself: {quote(os.path.realpath(path))}"
             raise DefinitionError([Diagnostic(Location(path), why, hint=hint, code=Code.IN_THE_WAY)])
         if not os.path.isdir(real):
             yield Place(path, real)

@@ -85,7 +85,7 @@ def refuse_link_out(path: str, named: str = "", about: str = "") -> None:
         UsageError: Names the link, and the whole path, which is taken as it is.
     """
     if link := link_out(path):
-        hint = f"if you mean what it leads to, name that: {named}{os.path.realpath(path)}"
+        hint = f"if you mean what it leads to, name that: {named}{shlex.quote(os.path.realpath(path))}"
         where = "leads out of its folder" if not inside(link, os.path.dirname(link)) else "leads into a repository"
         raise UsageError(f"{about}{link} is a link that {where}", hint=hint, code=Code.STRANGE_FILE)
 

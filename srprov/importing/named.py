@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from shlex import quote
 
 from srprov.codes import Code
 from srprov.definitions.homes import homes_in
@@ -38,5 +39,5 @@ def check_named(files: Sequence[str]) -> None:
         # an archive may have given a file of the user's another name
         if link_out(one) or not inside(path, around) or is_kept(os.path.realpath(path), os.path.realpath(around)):
             message = "it leads out of the folder in which it is named, or into a repository, and is not read"
-            hint = f"if you mean what it leads to, name that: {os.path.realpath(path)}; copy a hard link"
+            hint = f"if you mean what it leads to, name that: {quote(os.path.realpath(path))}; copy a hard link"
             raise Refused([Diagnostic(Position(one), message, hint=hint, code=Code.OUTSIDE)])

@@ -13,6 +13,8 @@ COMMAND = re.compile(
     r"|(^|[ `])(--[a-z-]+|-[a-z]) (\./)?$|: @$"
 )
 """What a shell would run, or what is added to that, up to a place where something is put in."""
+WHOLE_PATH = re.compile(r"\b(realpath|abspath|absolute|resolve)\(")
+"""What gives a path from the root, wherever it stands in a hint: it is there to be named in a command."""
 CLOSED = {
     "os.geteuid()": "a number",
     "name": "of an image, and checked: see `images.hint`",
@@ -46,7 +48,8 @@ def unquoted(source: str) -> Iterator[str]:
                 continue
             assert isinstance(part, ast.FormattedValue)
             put = ast.unparse(part.value)
-            if COMMAND.search(so_far) and put not in CLOSED and "quote(" not in put:
+            is_word = COMMAND.search(so_far) or WHOLE_PATH.search(put)
+            if is_word and put not in CLOSED and "quote(" not in put:
                 yield f"{so_far}{{{put}}}"
             so_far += "x"
 
@@ -65,3 +68,7 @@ def test_a_place_without_quotes_is_seen() -> None:
         "name its whole path: --facts {path}"
     ]
     assert list(unquoted('raise E("x", hint=f"then: chmod go-w {quote(path)}")')) == []
+    assert list(unquoted('raise E("x", hint=f"name that: {option}{os.path.realpath(path)}")')) == [
+        "name that: x{os.path.realpath(path)}"
+    ]
+    assert list(unquoted('raise E("x", hint=f"name that: {option}{quote(os.path.realpath(path))}")')) == []
