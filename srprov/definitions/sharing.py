@@ -123,6 +123,8 @@ def _said(entry: Map) -> dict[str, bool]:
     found: dict[str, bool] = {}
     for one in given.items if isinstance(given, Seq) else ():
         if isinstance(one, Map):
+            if text(one.entries.get("type")) == "bind":
+                continue  # a path, also where it is called as a volume is
             source, reads = text(one.entries.get("source")), flag(one.entries.get("read_only"))
         else:
             source, *_, modes = [*text(one).split(":"), "", ""][:3]

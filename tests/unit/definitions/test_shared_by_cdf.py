@@ -17,6 +17,7 @@ NAV = "  nav: {image: busybox, volumes: ['config:/config']}\n"
 def load(folder: Path, services: str) -> Definitions:
     for name in ("one", "two"):
         (folder / f"{name}.cdf").write_text(CDF.format(name))
+    (folder / "config").mkdir(exist_ok=True)
     (folder / "e.edf").write_text(f"edf: 1\nname: demo\nservices:\n{services}")
     return load_experiment(str(folder / "e.edf"))
 
@@ -28,6 +29,7 @@ def load(folder: Path, services: str) -> Definitions:
         f"  lidar: {{cdf: one.cdf, volumes: ['other:/x']}}\n{NAV}",
         "  lidar: {cdf: one.cdf}\n  nav: {cdf: two.cdf}\n",
         "  lidar: {cdf: one.cdf}\n  nav: {cdf: two.cdf, volumes: ['config:/c']}\n",
+        f"  lidar: {{cdf: one.cdf, volumes: [{{type: bind, source: config, target: /x}}]}}\n{NAV}",
     ],
 )
 def test_a_cdf_does_not_choose_whose_volume_it_shares(tmp_path: Path, services: str) -> None:
