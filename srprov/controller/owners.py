@@ -2,7 +2,8 @@
 
 A volume's label is a hash of the token with the robot and the volume's name. So it can be checked by who has the token,
 and by nobody else: neither a robot, nor a plan or record that was handed on, can make one. The token lies in the user's
-folder for state, under the instance and the EDF's real path. What `--adopt` took over is listed beside it.
+folder for state, under the instance and the EDF's real path. It counts for the source that it was kept with: another
+repository may lie at that path by now, a stranger's. What `--adopt` took over is listed beside it.
 
 Reads and writes these files only.
 """
@@ -21,6 +22,7 @@ from types import MappingProxyType
 
 from srprov import believed
 from srprov.codes import Code
+from srprov.definitions.source import source_of
 from srprov.errors import UsageError
 from srprov.record import default_root
 from srprov.resource import Observed
@@ -81,10 +83,16 @@ def owners_folder() -> Path:
 def read_owner(instance: str, edf: str) -> Owner:
     """Return the owner of an instance that is made from an EDF; a new one when this controller knows none."""
     path = os.path.realpath(edf)
-    kept = _read(_file(instance, path))
-    if kept and (kept.instance, kept.edf) == (instance, path):
+    source = source_of(path)
+    kept = _read(_place(instance, path, source))
+    if kept and (kept.instance, kept.edf) == (instance, path) and _is_of(kept, source):
         return kept
     return Owner(instance=instance, edf=path, token=secrets.token_hex(16))
+
+
+def _is_of(kept: Owner, source: str) -> bool:
+    """Return whether an owner is that of a source; one without a repository is known by the path, whatever the host."""
+    return kept.source in ("", source) or not any("://" in one for one in (kept.source, source))
 
 
 def owners_of(instance: str, source: str) -> tuple[Owner, ...]:
@@ -104,7 +112,7 @@ def keep(owner: Owner) -> None:
     Raises:
         UsageError: It cannot be written, so a volume would be nobody's.
     """
-    file = _file(owner.instance, owner.edf)
+    file = _place(owner.instance, owner.edf, owner.source)
     if _read(file) == owner:
         return
     names = ("instance", "edf", "source", "token")
@@ -120,8 +128,15 @@ def keep(owner: Owner) -> None:
         ) from error
 
 
-def _file(instance: str, edf: str) -> Path:
-    name = hashlib.sha256(_bytes("\0".join((instance, edf)))).hexdigest()
+def _place(instance: str, edf: str, source: str) -> Path:
+    """Return the file of an owner: where that of another source is there already, one beside it."""
+    first = _file(instance, edf)
+    there = _read(first)
+    return first if there is None or _is_of(there, source) else _file(instance, edf, source)
+
+
+def _file(*words: str) -> Path:
+    name = hashlib.sha256(_bytes("\0".join(words))).hexdigest()
     return owners_folder() / f"{name[:32]}.json"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from srprov.controller.request import PlanRequest
 from srprov.definitions.containermodel import Mount
 from srprov.definitions.expand import expand
 from srprov.definitions.model import Experiment
+from srprov.definitions.source import source_of
 from srprov.errors import RefusedError, UsageError
 from srprov.facts.model import HostFacts, Snapshot
 from srprov.modules import MODULES
@@ -163,6 +165,37 @@ def test_a_token_is_kept_under_instance_and_real_path_and_read_by_its_owner_only
     for text in ("", "{", json.dumps({"token": 1}), "[" * 100_000):
         file.write_text(text, encoding="utf-8")
         assert read_owner("../../x", str(edf)).token != fresh.token
+
+
+@pytest.mark.parametrize("first", ["", "https://lab.example/nav"])
+def test_a_token_is_none_of_another_repository_s_at_the_same_path(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, first: str
+) -> None:
+    """The user's own is gone, its data was kept, and a stranger's was cloned to that folder."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    edf = tmp_path / "nav" / "nav.edf"
+    edf.parent.mkdir()
+
+    def made(url: str) -> Owner:
+        """Read and keep the owner, as an `apply` does, of the EDF of a checkout from there; or of a plain folder."""
+        shutil.rmtree(edf.parent)
+        (edf.parent / ".git").mkdir(parents=True)
+        (edf.parent / ".git" / "config").write_text(f'[remote "origin"]\nurl = {url}\n' if url else "")
+        owner = read_owner("nav", str(edf))
+        keep(dataclasses.replace(owner, source=source_of(str(edf))))
+        return owner
+
+    mine = made(first)
+    strange = made("https://evil.example/nav")
+    assert strange.token != mine.token and not strange.knows("r1", volume("r1", owner=mine))
+    assert made(first).token == mine.token and made("https://evil.example/nav").token == strange.token
+
+
+def test_a_token_stays_where_the_machine_is_called_otherwise(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    owner = read_owner("nav", str(tmp_path / "nav.edf"))
+    keep(dataclasses.replace(owner, source=f"me@before:{tmp_path}/nav.edf"))
+    assert read_owner("nav", str(tmp_path / "nav.edf")).token == owner.token
 
 
 def test_a_plan_from_a_file_is_held_against_the_tokens_of_who_wrote_it() -> None:
