@@ -26,6 +26,7 @@ from srprov.errors import TransportError
 from srprov.facts.probes import PROBES
 from srprov.modules import MODULES
 from srprov.modules.container_leftover import end_process
+from srprov.modules.mount_place import LEADS_TO
 from srprov.secret import Vault
 from srprov.session import Measures, Progress, Pulse, Traffic, no_progress
 from srprov.wire import AnyQuery, Command, CopyImage, CopyVolume, EngineCall, EngineQuery, Put, Query, Reply, Run
@@ -35,7 +36,7 @@ from tests.fake_kernel import Disk, Kernel, shell_reply
 __all__ = ["Behaviour", "Entry", "FakeRobot", "Fault", "World"]
 
 _THERE = re.compile(r"\[ -e (\S+) \] \|\| echo ([0-9]+)")
-_LEADS = re.compile(r"(?m)^r=\$\(readlink -f \S+\) && printf \"%s %s\\n\" ([0-9]+)")
+_LEADS = re.compile(r"(?m)^r=\$\((?:readlink -f|leads_to) \S+\) && printf \"%s %s\\n\" ([0-9]+)")
 _FILL = re.compile(r"to=\$\(docker volume .* (\S+)\) && tar -xf (\S+) .*--strip-components=1")
 _TAKE_PLACE = re.compile(r"from=\$\(docker volume .* (\S+)\) && to=\$\(docker volume .* (\S+)\) && sync")
 _LOGS = re.compile(r"docker logs --tail (\d+) (\S+) 2>&1")
@@ -289,6 +290,8 @@ class FakeRobot:
         if asked := _THERE.findall(command):
             led = "".join(f"{n} {self.leads}\n" for _, n in asked) if self.leads else ""
             return Reply(status=0, out=led + "".join(f"{n}\n" for path, n in asked if not self.disk.exists(path)))
+        if command == f"{LEADS_TO}\n:":
+            return Reply(status=0)
         if asked := _LEADS.findall(command):
             return Reply(status=0, out="".join(f"{number} {self.leads}\n" for number in asked))
         if (content := self.disk.contents(command)) is not None:

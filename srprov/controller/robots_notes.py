@@ -14,6 +14,7 @@ from srprov.facts.gather import Gathering
 from srprov.facts.model import HostFacts, Snapshot
 from srprov.modules import MODULES, RUNNING
 from srprov.modules.mount_kind import GRAVE, gives_away, mount_kind, plain, written_by
+from srprov.modules.mount_place import LEADS_TO
 from srprov.planning.plan import Step
 from srprov.resource import Action
 from srprov.robot_answers import TooManyError
@@ -124,10 +125,10 @@ def _folders(services: Iterable[Service]) -> Query:
     """Ask for the numbers of those sources that are not there, and where those lead that have a link in them."""
     tests = [
         f"[ -e {quote(source)} ] || echo {number}\n"
-        f'r=$(readlink -f {quote(source)}) && [ "$r" != {quote(source)} ] && printf "%s %s\\n" {number} "$r"'
+        f'r=$(leads_to {quote(source)}) && [ "$r" != {quote(source)} ] && printf "%s %s\\n" {number} "$r"'
         for number, source in enumerate(_all_sources(services))
     ]
-    return Query(command="\n".join([*tests, ":"]))
+    return Query(command="\n".join([LEADS_TO, *tests, ":"]))
 
 
 def _leads(services: Iterable[Service], reply: Reply) -> dict[str, str]:

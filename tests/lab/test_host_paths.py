@@ -16,7 +16,7 @@ WRITTEN = "root may run or believe what is written there"
 READ = "a key there may let somebody in, and a socket there may do as root what it is told"
 
 
-def planned(lab: Lab, tmp_path: Path, *volumes: str, **fields: Any) -> dict[str, Any]:
+def planned(lab: Lab, tmp_path: Path, *volumes: str | dict[str, Any], **fields: Any) -> dict[str, Any]:
     path = tmp_path / "experiment.edf"
     path.write_text(edf("paths", {"a": busybox(robot="robot1", volumes=list(volumes), **fields)}))
     done = lab.srprov("plan", str(path), "-i", part_of_lab(lab, ["robot1"], tmp_path / "lab.yml"), "--json")
@@ -131,3 +131,12 @@ def test_a_published_port_takes_no_place_beside_a_program_of_the_robot(lab: Lab,
         later = lab.shell("robot1", "python3", "-c", LISTEN, address, check=False)
         assert (later.code, "Address already in use" in later.err) == (1, True), (port, address, later)
     assert lab.srprov("destroy", str(path), "-i", inventory, "--yes").code == 0
+
+
+def test_where_a_link_leads_is_said_of_a_path_that_will_be_made_behind_it(lab: Lab, tmp_path: Path) -> None:
+    made = {"type": "bind", "target": "/m", "bind": {"create_host_path": True}}
+    lab.shell("robot1", "sh", "-c", "mkdir -p /srv/behind && ln -s /etc/systemd /srv/behind/link")
+    plan = planned(lab, tmp_path, {**made, "source": "/srv/behind/link/system.control/ssh.service.d"})
+    lab.shell("robot1", "rm", "-r", "/srv/behind")
+    said = "leads to /etc/systemd/system.control/ssh.service.d (root may run or believe what is written there)"
+    assert any(one.endswith(said) for one in plan["notes"]), plan["notes"]
