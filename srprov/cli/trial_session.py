@@ -10,6 +10,7 @@ from contextlib import nullcontext
 from typing import TYPE_CHECKING, TextIO
 
 import msgspec
+from msgspec.structs import replace
 
 from srprov.cli import inputs, output_options
 from srprov.cli.execute import confirm
@@ -96,7 +97,7 @@ def run_session(
     from srprov.controller.secrets import read_secrets
 
     vault = read_secrets(definitions, request.allowed)
-    request = inputs.with_own_files(request, definitions.experiment)
+    request = replace(inputs.with_own_files(request, definitions.experiment), trials=True)
     with inputs.connect(inventory, manner.timeout, manner.forks, changing=True, vault=vault) as fleet:
         output_options.note(f"asking {len(inventory.hosts)} robots for facts")
         planned = _planned(definitions, fleet, request, vault)

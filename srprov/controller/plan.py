@@ -144,10 +144,10 @@ def make_plan(
         snapshot, desired, steps, unchanged = _compared(inputs, theirs, vault, look)
     amiss, alone = ((), ()) if request.images_only else all_notes(desired, snapshot.observed)
     check_writers(steps, [(placed.placed.get(name, ""), one) for name, one in choice.experiment.services.items()], look)
-    unready = check_ready(steps, choice, instance, snapshot, look, playbooks=bool(theirs))
-    notes = (*notes, *inputs.doubts, *amiss, *alone, *unready, *mtu_notes(overlay, snapshot))
+    told, led = check_ready(steps, desired * request.trials, choice, instance, snapshot, look, playbooks=bool(theirs))
+    notes = (*notes, *inputs.doubts, *amiss, *alone, *told, *mtu_notes(overlay, snapshot))
     made = plan_value(definitions, replace(inputs, snapshot=snapshot), placed, theirs, steps, unchanged, notes)
-    made = replace(made, chosen=any(choice.free or one in choice.new for one in placed.runner_up))
+    made = replace(made, chosen=any(choice.free or one in choice.new for one in placed.runner_up), leads=led)
     enforce(made, look.inventory, request.policies)
     return Planned(
         plan=made, snapshot=snapshot, definitions=definitions, experiment=choice.experiment, assignment=placed,

@@ -13,7 +13,17 @@ from msgspec.structs import replace
 
 from srprov.assignment.ports import declared, holders, missing_ports
 from srprov.codes import Code
-from srprov.controller.robots_notes import ASKED, asked_of, binds, led_elsewhere, missing_folders, told
+from srprov.controller.robots_notes import (
+    ASKED,
+    STARTING,
+    Leads,
+    asked_of,
+    binds,
+    leads_of,
+    led_elsewhere,
+    missing_folders,
+    told,
+)
 from srprov.definitions.model import Experiment, Service
 from srprov.errors import UsageError
 from srprov.facts.gather import Gathering
@@ -23,7 +33,7 @@ from srprov.facts.taken import QUERIES, taken_ports
 from srprov.modules import RUNNING
 from srprov.modules.mount_kind import GRAVE
 from srprov.planning.plan import Step
-from srprov.resource import Action
+from srprov.resource import Action, Resource
 from srprov.untrusted import integer, mapping, text
 
 _NEW = (Action.CREATE, Action.REPLACE)
@@ -73,16 +83,18 @@ class Placed(Protocol):
 
 
 def check_ready(
-    steps: Sequence[Step], placed: Placed, instance: str, snapshot: Snapshot, look: Gathering, *, playbooks: bool
-) -> tuple[str, ...]:  # fmt: skip
-    """Ask the robots of new containers for what those need of them; return what is worth a note.
+    steps: Sequence[Step], anew: Iterable[Resource], placed: Placed, instance: str, snapshot: Snapshot, look: Gathering,
+    *, playbooks: bool,
+) -> tuple[tuple[str, ...], Leads]:  # fmt: skip
+    """Ask the robots of new containers for what those need of them; return what is worth a note, and where paths lead.
 
-    A folder that a playbook of the user's may make, which would run before, is only noted.
+    A folder that a playbook of the user's may make, which would run before, is only noted. Of `anew` each trial makes
+    the containers that are not kept, also where one is there.
 
     Raises:
         UsageError: A folder is not there, or leads to what is graver to mount, or a port is somebody else's; names all.
     """
-    new = _new_services(steps, placed.experiment)
+    new = _new_services(steps, anew, placed.experiment)
     replies = look.ask_each({robot: (*asked_of(services), *QUERIES) for robot, services in new.items()})
     now = replace(snapshot, taken={robot: taken_ports(said[ASKED:]) for robot, said in replies.items()})
     held = holders({}, {}, of_others(now, instance, placed.experiment, placed.previous))
@@ -102,7 +114,7 @@ def check_ready(
             "robots are not ready for the new containers:\n" + "\n".join(wrong), hint=hint, code=Code.NO_ROOM
         )
     absent = (f"{line}, unless a playbook makes it" for line in missing)
-    return (*absent, *told(new, replies, snapshot))
+    return (*absent, *told(new, replies, snapshot)), leads_of(new, replies)
 
 
 def with_log_drivers(steps: Iterable[Step], snapshot: Snapshot, look: Gathering) -> Snapshot:
@@ -121,12 +133,14 @@ def with_log_drivers(steps: Iterable[Step], snapshot: Snapshot, look: Gathering)
     return replace(snapshot, facts=facts) if replies else snapshot
 
 
-def _new_services(steps: Iterable[Step], experiment: Experiment) -> dict[str, list[Service]]:
-    """Return robot -> services that get a container there with folders, ports or devices of the robot's."""
+def _new_services(steps: Iterable[Step], anew: Iterable[Resource], experiment: Experiment) -> dict[str, list[Service]]:
+    """Return robot -> services with folders, ports or devices of its own whose container is made or started there."""
+    made = [one.want for one in steps if one.want and one.change.action in STARTING]
+    kept = experiment.trials.settings.keep if experiment.trials else ()
+    every = (*made, *(one for one in anew if one.service not in kept))
     found: dict[str, list[Service]] = {}
-    for step in steps:
-        service = experiment.services.get(step.service)
-        new = step.module in RUNNING and step.want and step.change.action in _NEW
-        if new and service and (declared(service) or any(binds(service)) or service.runtime.devices):
-            found.setdefault(step.host, []).append(service)
+    for host, name in dict.fromkeys((one.host, one.service) for one in every if one.module in RUNNING):
+        service = experiment.services.get(name)
+        if service and (declared(service) or any(binds(service)) or service.runtime.devices):
+            found.setdefault(host, []).append(service)
     return found

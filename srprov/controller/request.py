@@ -70,6 +70,8 @@ class PlanRequest(msgspec.Struct, frozen=True, kw_only=True):
     """Kinds of permission that the user gave."""
     policies: tuple[LabPolicy, ...] = ()
     """The machine's and the user's own: what is allowed at all."""
+    trials: bool = False
+    """Trials will be run: each makes its containers anew, also those that are there."""
     images_only: bool = False
     """Plan the images, and nothing that runs them."""
     targets: tuple[str, ...] = ()

@@ -28,19 +28,31 @@ _RECURSIVE_API, _RECURSIVE_KERNEL = "1.44", "5.12"
 _MOST_NAMED = 4
 
 
-def notes_of_robots(steps: Iterable[Step], snapshot: Snapshot, look: Gathering) -> tuple[str, ...]:
+STARTING = (Action.CREATE, Action.REPLACE, Action.UPDATE)
+"""Of a container: engines follow links also when they start one again."""
+Leads = Mapping[str, Mapping[str, str]]
+"""Robot -> path that a new container there mounts -> where that leads."""
+
+
+def notes_of_robots(steps: Iterable[Step], snapshot: Snapshot, look: Gathering) -> tuple[tuple[str, ...], Leads]:
     """Return what robots say of the folders and devices that new containers get, where no EDF says what these are.
 
-    Whoever wrote a plan file wrote the notes in it, too.
+    Whoever wrote a plan file wrote the notes in it, too. Also returns where the folders lead.
     """
     new: dict[str, list[Service]] = {}
     for step in steps:
-        is_new = step.module in RUNNING and step.change.action in (Action.CREATE, Action.REPLACE)
+        is_new = step.module in RUNNING and step.change.action in STARTING
         if step.want and is_new and step.host in snapshot.facts:
             service = MODULES[step.module].service_of(step.name, step.want.params)
             if service and (any(binds(service)) or service.runtime.devices):
                 new.setdefault(step.host, []).append(service)
-    return tuple(told(new, look.ask_each({robot: asked_of(services) for robot, services in new.items()}), snapshot))
+    replies = look.ask_each({robot: asked_of(services) for robot, services in new.items()})
+    return tuple(told(new, replies, snapshot)), leads_of(new, replies)
+
+
+def leads_of(new: Mapping[str, Sequence[Service]], replies: Mapping[str, Sequence[Reply]]) -> Leads:
+    """Return where the folders of new services lead, by the replies to `asked_of`."""
+    return {robot: _leads(new[robot], said[0]) for robot, said in replies.items()}
 
 
 def asked_of(services: Sequence[Service]) -> tuple[Query, ...]:

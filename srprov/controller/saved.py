@@ -24,7 +24,7 @@ from srprov.controller.permissions import require_decided
 from srprov.controller.plan import Planned
 from srprov.controller.plan_proof import check_claim, proved, provers
 from srprov.controller.robots_notes import notes_of_robots
-from srprov.controller.staleness import refuse_stale
+from srprov.controller.staleness import refuse_stale, refuse_unnoted
 from srprov.controller.writers import check_writers
 from srprov.definitions.model import BUILDERS, NetworkSettings
 from srprov.errors import UsageError
@@ -143,14 +143,23 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
         check_writers(steps, [(want.host, one) for want, one in services_of(saved)], look)
         if not (owners or signed):  # last: of a file that was changed it is told what was
             check_claim(saved, snapshot, adopt=adopt)
-        noted = () if owners else notes_of_robots(steps, snapshot, look)
-    return Planned(plan=_as_found(saved.plan, steps, noted, snapshot), saved=saved)
+        plan = _as_found(saved, steps, snapshot, look, ours=bool(owners))
+    return Planned(plan=plan, saved=saved)
 
 
-def _as_found(plan: Plan, steps: tuple[Step, ...], noted: tuple[str, ...], snapshot: Snapshot) -> Plan:
-    """Return a file's plan with its steps as they were derived, and what robots say."""
-    notes = tuple(dict.fromkeys((*plan.notes, *noted)))
-    return replace(plan, steps=steps, notes=notes, unreachable={**plan.unreachable, **snapshot.unreachable})
+def _as_found(
+    saved: PlanFile, steps: tuple[Step, ...], snapshot: Snapshot, look: Gathering, *, ours: bool
+) -> Plan:  # fmt: skip
+    """Return a file's plan with its steps as they were derived, and what robots say.
+
+    Raises:
+        StalePlan: They say what a file that was written here (`ours`) does not tell.
+    """
+    plan, (noted, leads) = saved.plan, notes_of_robots(steps, snapshot, look)
+    if ours:
+        refuse_unnoted(saved, noted)
+    notes, away = tuple(dict.fromkeys((*plan.notes, *noted))), {**plan.unreachable, **snapshot.unreachable}
+    return replace(plan, steps=steps, notes=notes, unreachable=away, leads=leads)
 
 
 def _check_networks(wants: tuple[Resource, ...], instance: str, believed: Snapshot) -> None:

@@ -42,6 +42,22 @@ def refuse_stale(saved: PlanFile, wants: Sequence[Resource], snapshot: Snapshot,
     )
 
 
+def refuse_unnoted(saved: PlanFile, noted: Sequence[str]) -> None:
+    """Refuse a plan file that was written here, and does not tell what robots say by now of paths and devices.
+
+    A container that is there may have put a link in the way of a path since somebody read the plan.
+
+    Raises:
+        StalePlan: Names what the plan does not tell.
+    """
+    if new := [one for one in noted if one not in saved.plan.notes]:
+        told = "\n".join(f"  {visible(one)}" for one in new)
+        raise StalePlan(
+            f"robots changed since the plan was made, which does not say:\n{told}",
+            hint="plan again, review it again, then apply that",
+        )
+
+
 def _with_values(lines: Sequence[str], values: Mapping[str, Sequence[str]]) -> Iterator[str]:
     """Return the lines, those about hashes of resources whose values are known replaced by lines about those."""
     told = set()

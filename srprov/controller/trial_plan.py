@@ -21,6 +21,7 @@ from srprov.modules import RUNNING
 from srprov.modules.container_commands import creation
 from srprov.modules.container_form import told
 from srprov.modules.container_params import ContainerParams
+from srprov.modules.mount_place import guarded
 from srprov.planning.diff import diff
 from srprov.planning.plan import Step
 from srprov.resource import Observed, Resource
@@ -180,7 +181,10 @@ def _container(plan: TrialPlan, one: Resource, trial: Trial, attempt: int, run: 
         host=one.host,
         service=one.service,
         name=one.name,
-        create=creation(one.name, want, label),
+        create=tuple(
+            guarded(command, want.mounts, plan.base.plan.leads.get(one.host, {}))
+            for command in creation(one.name, want, label)
+        ),
         needs=plan.needs[one.service],
         grace_s=grace,
     )

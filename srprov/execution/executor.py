@@ -43,7 +43,7 @@ def walk(
     waiting = lock_options(plan, options)
     with nullcontext(held) if held else LockSet(robots, sessions, mine, waiting, stop, listener).acquire() as locks:
         reached = {host: session for host, session in sessions.items() if host not in locks.lost}
-        run = _Run(reached, listener, options, stop, locks.lost)
+        run = _Run(reached, listener, options, stop, locks.lost, plan.leads)
         with bringing_ahead(options.probing, plan.steps, reached) as brought:
             run.walk(cut(plan.steps))
         with probing_beside(options.probing, run.results.values(), reached, run.stop, listener, brought) as probing:
@@ -74,10 +74,13 @@ class _Run:
         options: RunOptions,
         stop: threading.Event,
         lost: Mapping[str, str],
+        leads: Mapping[str, Mapping[str, str]],
     ) -> None:
         self.sessions, self.listener, self.options, self.stop = sessions, listener, options, stop
         self.robots = {
-            host: RobotExecutor(session, listener, options.stop_timeout_s, host in options.triggers)
+            host: RobotExecutor(
+                session, listener, options.stop_timeout_s, host in options.triggers, leads.get(host, {})
+            )
             for host, session in sessions.items()
         }
         self.ending = Ending(stop, options.patience_s, listener)

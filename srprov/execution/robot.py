@@ -15,7 +15,7 @@ What only shows when it is asked for is read right before and right after its ow
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from srprov.codes import Code
@@ -28,6 +28,7 @@ from srprov.execution.stale import due, refused
 from srprov.execution.stopping import stop_together
 from srprov.execution.triggers import kept_apart, refuse_triggers
 from srprov.modules import MODULES, PROBING, RUNNING
+from srprov.modules.mount_place import guarded
 from srprov.modules.observe import observe_queries, parse_observed, parse_probed, probe_queries
 from srprov.planning.plan import Step
 from srprov.resource import Action, Change, Observed
@@ -49,6 +50,8 @@ class RobotExecutor:
     stop_timeout_s: float = STOP_TIMEOUT_S
     triggers: bool = False
     """ONBUILD instructions of bases may run."""
+    leads: Mapping[str, str] = field(default_factory=dict)
+    """Path that a new container mounts -> where it led when that was planned."""
     seen: dict[_Key, Observed] | None = None
     acted: dict[int, float] = field(default_factory=dict)
     """Step number -> seconds that the act took."""
@@ -152,6 +155,8 @@ class RobotExecutor:
                 and (no := refuse_triggers(command, self.session, progress))
             ):
                 return no
+        if step.module in RUNNING and step.want is not None:
+            command = guarded(command, step.want.params.mounts, self.leads)
         reply = self.session.execute(command, progress)
         return (wrong_architecture(step, self.session) if reply.ok else None) or reply
 

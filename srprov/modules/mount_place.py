@@ -1,6 +1,17 @@
-"""Where a robot's paths lead, as an engine follows links. Text only."""
+"""Where a robot's paths lead, as a plan saw it: what a container gets is what was shown. Pure.
+
+A container that is there may put a link in the way of a path, at the latest when it is asked to end; the one that
+mounts that path is made right after, and an engine follows links.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from msgspec.structs import replace
+
+from srprov.wire import Command, Run, quote
 
 LEADS_TO = r"""# where a path leads; of one that is not there what is there of it counts, as the rest may be made
 leads_to() {
@@ -11,3 +22,24 @@ leads_to() {
   printf '%s\n' "${r:-/}"
 }
 """
+AS_PLANNED = r"""as_planned() {
+  r=$(leads_to "$1") && [ "$r" = "$2" ] && return 0
+  echo "$1 leads to ${r:-what cannot be told}, and to $2 when it was planned: plan again" >&2
+  exit 1
+}
+"""
+
+
+def guarded(command: Command, mounts: Iterable[Mapping[str, Any]], leads: Mapping[str, str]) -> Command:
+    """Return a command of a container's step that fails where a path leads elsewhere than when it was planned.
+
+    Args:
+        command: Only a script looks: one comes before each container that has a path of the robot's.
+        mounts: The container's, in the engine's form.
+        leads: The robot's path -> where it led when that was planned; of others nothing is known.
+    """
+    paths = sorted({str(one.get("Source")) for one in mounts if one.get("Type") == "bind"} & leads.keys())
+    if not paths or not isinstance(command, Run):
+        return command
+    looks = "".join(f"as_planned {quote(one)} {quote(leads[one])}\n" for one in paths)
+    return replace(command, script=f"{LEADS_TO}{AS_PLANNED}{looks}{command.script}")

@@ -119,6 +119,8 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True):
     data: tuple[DataMove, ...] = ()
     notes: tuple[str, ...] = ()
     unreachable: Mapping[str, str] = msgspec.field(default_factory=dict)
+    leads: Mapping[str, Mapping[str, str]] = msgspec.field(default_factory=dict)
+    """Robot -> path that a new container there mounts -> where that leads: it is made while that is so. In no file."""
     chosen: bool = False
     """The placement was a choice: some service that is new might have gone elsewhere. In no plan file."""
 

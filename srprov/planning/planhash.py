@@ -1,7 +1,8 @@
 """One hash of what a plan would do, for whoever reviewed it: equal robots and equal files give the same one. Pure.
 
-It covers the steps with their commands, order and waits, where services are placed, and what is asked for. It does not
-cover what only says why or how things are: causes, values that were found, costs, notes, robots out of reach.
+It covers the steps with their commands, order and waits, where services are placed, what is asked for, and where links
+lead that are on the way of a path that a new container mounts. It does not cover what only says why or how things are:
+causes, values that were found, costs, notes, robots out of reach.
 """
 
 from __future__ import annotations
@@ -25,7 +26,9 @@ _GIVEN = re.compile(rf"(?:sha256:)?([0-9a-fA-F]{{{_SHORTEST},64}})")
 def plan_hash(plan: Plan) -> str:
     """Return the sha256, in hex."""
     document = plan_json(replace(plan, steps=()))
-    return digest({**{key: document[key] for key in _COVERED}, "steps": [_done(step) for step in plan.steps]})
+    led = {robot: moved for robot, some in plan.leads.items() if (moved := {k: v for k, v in some.items() if k != v})}
+    steps = [_done(step) for step in plan.steps]
+    return digest({**{key: document[key] for key in _COVERED}, "steps": steps, **({"leads": led} if led else {})})
 
 
 def shown_json(plan: Plan) -> dict[str, Any]:

@@ -133,6 +133,42 @@ def test_a_published_port_takes_no_place_beside_a_program_of_the_robot(lab: Lab,
     assert lab.srprov("destroy", str(path), "-i", inventory, "--yes").code == 0
 
 
+ON_TERM = "trap 'mv /d/maps /d/was; ln -s /root /d/maps; exit 0' TERM; while :; do sleep 0.1; done"
+"""What a container that may write to a folder does when it is asked to end: it turns what is mounted next."""
+
+
+def test_a_container_gets_of_a_path_what_the_plan_showed(lab: Lab, tmp_path: Path) -> None:
+    """By two profiles of one EDF, or two versions of it, and `host-path` for data, a container wrote to `/root`."""
+    path, inventory = tmp_path / "experiment.edf", part_of_lab(lab, ["robot1"], tmp_path / "lab.yml")
+    recorder = busybox("sh", "-c", ON_TERM, robot="robot1", volumes=["/srv/turned:/d"], profiles=["record"])
+    reader = busybox("sh", "-c", "echo x >/m/turned; exec sleep 86400", robot="robot1", volumes=["/srv/turned/maps:/m"])
+    services = {"recorder": {**recorder, "stop_signal": "SIGTERM"}, "reader": {**reader, "profiles": ["read"]}}
+    path.write_text(edf("paths", services, trials={"timeout": "2s"}))
+    allowed = (str(path), "-i", inventory, "--allow", "host-path")
+
+    def begun() -> None:
+        lab.shell("robot1", "sh", "-c", "rm -rf /srv/turned /root/turned; mkdir -p /srv/turned/maps")
+        assert lab.srprov("apply", *allowed, "--yes", "--settle", "0", "--profile", "record").code == 0
+
+    try:
+        begun()
+        plan = json.loads(lab.srprov("plan", *allowed, "--json", "--profile", "read").out)
+        done = lab.srprov("apply", *allowed, "--yes", "--expect", plan["hash"], "--profile", "read")
+        again = json.loads(lab.srprov("plan", *allowed, "--json", "--profile", "read").out)
+        begun()
+        run = lab.srprov("run", *allowed, "--yes", "--profile", "read", "-o", str(tmp_path / "results"))
+        wrote = lab.shell("robot1", "sh", "-c", "ls /root").out
+    finally:
+        lab.srprov("destroy", str(path), "-i", inventory, "--yes")
+        lab.shell("robot1", "sh", "-c", "rm -rf /srv/turned /root/turned")
+    assert not [one for one in plan["notes"] if "/root" in one]
+    assert (done.code, "/srv/turned/maps leads to /root, and to /srv/turned/maps when" in done.err) == (3, True), done
+    assert f"robot1: /srv/turned/maps, which 'reader' mounts, leads to /root ({WRITTEN})" in again["notes"]
+    assert again["hash"] != plan["hash"]
+    assert (run.code, "/srv/turned/maps leads to /root" in run.out + run.err) == (3, True), run
+    assert "turned" not in wrote
+
+
 def test_where_a_link_leads_is_said_of_a_path_that_will_be_made_behind_it(lab: Lab, tmp_path: Path) -> None:
     made = {"type": "bind", "target": "/m", "bind": {"create_host_path": True}}
     lab.shell("robot1", "sh", "-c", "mkdir -p /srv/behind && ln -s /etc/systemd /srv/behind/link")

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from srprov.modules.mount_place import LEADS_TO
-from srprov.wire import quote
+from srprov.modules.mount_place import LEADS_TO, guarded
+from srprov.wire import EngineCall, Run, quote
 
 SHELLS = (("sh", "-c"), ("busybox", "sh", "-c"))
 pytestmark = pytest.mark.parametrize("shell", SHELLS, ids=lambda shell: shell[0])
@@ -33,3 +33,31 @@ def test_what_is_not_there_leads_where_what_is_there_of_it_does(tmp_path: Path, 
     assert tried(shell, f"{LEADS_TO}leads_to /") == (0, "/\n")
     (tmp_path / "loop").symlink_to("loop")
     assert tried(shell, f"{LEADS_TO}leads_to {quote(str(tmp_path / 'loop'))}")[0] == 1
+
+
+def test_a_script_of_a_container_is_not_run_where_a_path_leads_elsewhere(
+    tmp_path: Path, shell: tuple[str, ...]
+) -> None:  # fmt: skip
+    maps, home = tmp_path / "maps", tmp_path / "home"
+    mounts = [{"Type": "bind", "Source": str(maps)}, {"Type": "volume", "Source": "logs"}]
+    home.mkdir()
+    maps.mkdir()
+    command = guarded(Run(script="echo made"), mounts, {str(maps): str(maps), "/other": "/other"})
+    assert isinstance(command, Run)
+    assert tried(shell, command.script) == (0, "made\n")
+    maps.rmdir()
+    assert tried(shell, command.script) == (0, "made\n")  # who needs it says so
+    maps.symlink_to(home)
+    said = f"{maps} leads to {home}, and to {maps} when it was planned: plan again\n"
+    assert tried(shell, command.script) == (1, said)
+    other = guarded(Run(script="echo made"), mounts, {str(maps): str(home)})
+    assert isinstance(other, Run)
+    assert tried(shell, other.script) == (0, "made\n")
+
+
+def test_what_was_not_looked_at_and_what_is_no_script_stays(shell: tuple[str, ...]) -> None:
+    call, run = EngineCall(method="POST", path="/containers/create"), Run(script="true")
+    mounts = [{"Type": "bind", "Source": "/srv/maps"}]
+    assert guarded(call, mounts, {"/srv/maps": "/srv/maps"}) is call
+    assert guarded(run, mounts, {"/srv": "/srv"}) is run
+    assert shell
