@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from srprov.wire import quote
 
-MISSING, NO_SANDBOX = 44, 47
-"""Exit statuses: the folder is gone; it could not be closed off."""
+MISSING, NO_SANDBOX, ELSEWHERE = 44, 47, 48
+"""Exit statuses: the folder is gone; it could not be closed off; another one is in its place."""
 NOT_CLOSED = "its folder cannot be closed off from the robot's other files; unshare and mount of util-linux do that"
 """What `NO_SANDBOX` means, in words."""
 
 _ENTER = f"""cd -- "$1" || exit {MISSING}
+[ "$3" = rw ] || [ "$(pwd -P)" = "$1" ] || exit {ELSEWHERE}
 mount -t tmpfs -o mode=755,size=64k,nosuid srprov /tmp && mkdir /tmp/dev /tmp/folder && : >/tmp/dev/null &&
 mount --bind /dev/null /tmp/dev/null || exit {NO_SANDBOX}
 links=
@@ -42,12 +43,14 @@ _WATCHED = (
 )
 
 
-def sandboxed(root: str, script: str) -> str:
+def sandboxed(root: str, script: str, real: str = "") -> str:
     """Return a script that runs another one in a folder of the robot, which is its working folder at the start.
 
-    The inner one ends with `exit` or its last status, reads only, and sees the folder under another name.
+    The inner one ends with `exit` or its last status, reads only, and sees the folder under another name. Nothing is
+    read where the folder's path leads elsewhere than to `real`, if that is known.
     """
-    return f"root=$(realpath -e -- {quote(root)} 2>/dev/null) || exit {MISSING}; {_closed(script, 'ro', '')}"
+    same = f'[ "$root" = {quote(real)} ] || exit {ELSEWHERE}; ' if real else ""
+    return f"root=$(realpath -e -- {quote(root)} 2>/dev/null) || exit {MISSING}; {same}{_closed(script, 'ro', '')}"
 
 
 def sandboxed_writing(script: str) -> str:

@@ -137,7 +137,7 @@ class Bringing:
     def _file(self, entry: Entry, kept: Kept) -> bool:
         """Fetch one file, from where an earlier call ended; return whether it is here now."""
         path = posixpath.join(posixpath.dirname(self._place.path), entry.path)
-        place = Place(root=self._place.root, path=path)
+        place = replace(self._place, path=path)
         part = self._home.parts / entry.sha256
         stream, digest = open_part(part, _WHOLE)
         with stream:

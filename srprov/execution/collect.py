@@ -17,10 +17,11 @@ from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.execution.listing import Entry, Listing, ListingError
 from srprov.execution.result_scripts import LIST, TAR, UNNAMEABLE, WHY, ending, inside
+from srprov.modules.mount_place import LED
 from srprov.pace import TOO_LITTLE, Pace
 from srprov.sandbox import MISSING, ended_with_channel
 from srprov.session import Session, Streams
-from srprov.untrusted import absolute, mapping, mappings, string
+from srprov.untrusted import absolute, json_or_none, mapping, mappings, string, string_map
 
 _T = TypeVar("_T")
 _HASHED_PER_S = 2 << 20
@@ -60,6 +61,8 @@ class Place(msgspec.Struct, frozen=True, kw_only=True):
     """Folder of the robot that the container saw; what lies outside of it is not read."""
     path: str
     """Relative to that; `.` for all of it."""
+    real: str = ""
+    """Where the root led when the container was made: who may write above it can have put a link there since."""
 
 
 def place_of(inspected: object, path: str) -> Place | None:
@@ -70,7 +73,7 @@ def place_of(inspected: object, path: str) -> Place | None:
         inside = target and (path == target or path.startswith(f"{target}/"))
         if inside and absolute(mount.get("Source")) and (best is None or best[0] < len(target)):
             best = (len(target), mount, path[len(target) :].strip("/") or ".")
-    return Place(root=absolute(best[1].get("Source")), path=best[2]) if best else None
+    return _placed(inspected, best[1], best[2]) if best else None
 
 
 def places_below(inspected: object, path: str) -> list[tuple[str, Place]]:
@@ -82,8 +85,15 @@ def places_below(inspected: object, path: str) -> list[tuple[str, Place]]:
     for mount in _mounts(inspected):
         target, source = string(mount.get("Destination")), absolute(mount.get("Source"))
         if target.startswith(f"{path.rstrip('/')}/") and source and mount.get("RW") is not False:
-            found[target[len(path.rstrip("/")) :].strip("/")] = Place(root=source, path=".")
+            found[target[len(path.rstrip("/")) :].strip("/")] = _placed(inspected, mount, ".")
     return sorted(found.items())
+
+
+def _placed(inspected: object, mount: Mapping[str, Any], path: str) -> Place:
+    """Return a path below a mount; of a path of the robot's the container's label says where it led."""
+    root, labels = absolute(mount.get("Source")), string_map(mapping(mapping(inspected).get("Config")).get("Labels"))
+    led = string_map(json_or_none(labels.get(LED, ""))) if mount.get("Type") == "bind" else {}
+    return Place(root=root, path=path, real=absolute(led.get(root)))
 
 
 def _mounts(inspected: object) -> list[Mapping[str, Any]]:
@@ -99,7 +109,7 @@ def listings(robot: Robot, places: Sequence[Place]) -> list[list[Entry] | None]:
     """
     if not places:
         return []
-    script = "; ".join(f"( {inside(one.root, one.path, LIST)} ); printf '=%d\\0' $?" for one in places)
+    script = "; ".join(f"( {inside(one.root, one.path, LIST, one.real)} ); printf '=%d\\0' $?" for one in places)
 
     def work(session: Session) -> list[tuple[int, list[Entry]]]:
         found, pace, allowed = Listing(len(places)), Pace(), 0.0
@@ -136,7 +146,8 @@ def fetch_file(robot: Robot, place: Place, size: int, at: int) -> Iterator[bytes
 
     def opened(session: Session, at: int) -> Streams:
         window = f"iflag=nofollow,nonblock,skip_bytes,count_bytes,fullblock skip={at} count={size - at}"
-        return session.open_shell(ending(inside(place.root, place.path, f'dd if="$what" {window} bs=1M status=none')))
+        dd = f'dd if="$what" {window} bs=1M status=none'
+        return session.open_shell(ending(inside(place.root, place.path, dd, place.real)))
 
     return _resumed(robot, place, opened, at, size)
 
@@ -156,7 +167,7 @@ def fetch_tar(robot: Robot, place: Place, without: Collection[str], most: int) -
     def opened(session: Session, at: int) -> Streams:
         # whether a file changed under tar, or went, its hash says: tar's own status is not needed
         tar = f'{given}{TAR} {words} -- "$what" | tail -c +{at + 1}'
-        streams = session.open_shell(ending(inside(place.root, place.path, tar)))
+        streams = session.open_shell(ending(inside(place.root, place.path, tar, place.real)))
         if listed:
             _give(robot.host, streams, memoryview(listed))
         return streams

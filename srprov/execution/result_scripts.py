@@ -5,7 +5,7 @@ from __future__ import annotations
 import posixpath
 import re
 
-from srprov.sandbox import MISSING, NO_SANDBOX, NOT_CLOSED, sandboxed
+from srprov.sandbox import ELSEWHERE, MISSING, NO_SANDBOX, NOT_CLOSED, sandboxed
 from srprov.wire import quote
 
 _LED_OUT, _NO_TOOLS = 45, 46
@@ -14,6 +14,7 @@ WHY = {
     _LED_OUT: "a link leads out of its folder",
     _NO_TOOLS: "GNU find and sha256sum are needed there",
     NO_SANDBOX: NOT_CLOSED,
+    ELSEWHERE: "its folder leads elsewhere than when its container was made",
 }
 """Exit statuses with a meaning of their own."""
 LIST = (
@@ -38,8 +39,10 @@ def ending(script: str) -> str:
     return f'( {script} ); echo "srprov-end $?" >&2'
 
 
-def inside(root: str, path: str, script: str) -> str:
+def inside(root: str, path: str, script: str, real: str = "") -> str:
     """Return a script that runs another in the folder of a path below a root, where `what` is its name.
+
+    `real` is where the root has to lead, if that is known.
 
     The kernel says where the working folder is: whatever runs there may put links in the way meanwhile, and neither tar
     nor find nor dd follow one that they are named.
@@ -51,4 +54,4 @@ def inside(root: str, path: str, script: str) -> str:
         f'[ "$(pwd -P)" = "${{here%/}}${{folder:+/$folder}}" ] || [ -z "$folder" ] || exit {_LED_OUT}; '
         f'[ -e "$what" ] || [ -L "$what" ] || exit {MISSING}'
     )
-    return sandboxed(root, f"{go}; {script}")
+    return sandboxed(root, f"{go}; {script}", real)

@@ -1,17 +1,23 @@
 """Where a robot's paths lead, as a plan saw it: what a container gets is what was shown. Pure.
 
 A container that is there may put a link in the way of a path, at the latest when it is asked to end; the one that
-mounts that path is made right after, and an engine follows links.
+mounts that path is made right after, and an engine follows links. So does root when it reads what the container left
+there: where its paths led stays with it as a label.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 from msgspec.structs import replace
 
-from srprov.wire import Command, Run, quote
+from srprov.modules.module import canonical
+from srprov.wire import Command, EngineCall, Run, quote
+
+LED = "srprov.led"
+"""Label of a container: where the robot's paths led that it mounts, as JSON."""
 
 LEADS_TO = r"""# where a path leads; of one that is not there what is there of it counts, as the rest may be made
 leads_to() {
@@ -34,11 +40,16 @@ def guarded(command: Command, mounts: Iterable[Mapping[str, Any]], leads: Mappin
     """Return a command of a container's step that fails where a path leads elsewhere than when it was planned.
 
     Args:
-        command: Only a script looks: one comes before each container that has a path of the robot's.
+        command: Only a script looks: one comes before each container that has a path of the robot's. What makes the
+            container gives it the label `LED`.
         mounts: The container's, in the engine's form.
         leads: The robot's path -> where it led when that was planned; of others nothing is known.
     """
     paths = sorted({str(one.get("Source")) for one in mounts if one.get("Type") == "bind"} & leads.keys())
+    if paths and isinstance(command, EngineCall) and command.path == "/containers/create":
+        body = json.loads(command.body)
+        labels = {**body.get("Labels", {}), LED: canonical({one: leads[one] for one in paths})}
+        return replace(command, body=canonical({**body, "Labels": labels}))
     if not paths or not isinstance(command, Run):
         return command
     looks = "".join(f"as_planned {quote(one)} {quote(leads[one])}\n" for one in paths)

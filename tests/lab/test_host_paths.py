@@ -169,6 +169,33 @@ def test_a_container_gets_of_a_path_what_the_plan_showed(lab: Lab, tmp_path: Pat
     assert "turned" not in wrote
 
 
+def test_what_a_container_left_is_read_where_its_path_led_when_it_was_made(lab: Lab, tmp_path: Path) -> None:
+    """Another container turned that path to another experiment's secrets: `collect` brought one home, as root."""
+    path, inventory = tmp_path / "experiment.edf", part_of_lab(lab, ["robot1"], tmp_path / "lab.yml")
+    path.write_text(
+        edf("paths", {"a": busybox(robot="robot1", volumes=["/srv/turned/maps:/m"])}, results={"a": ["/m"]})
+    )
+    lab.shell(
+        "robot1", "sh", "-c", "mkdir -p /srv/turned/real && ln -s real /srv/turned/maps; echo map >/srv/turned/maps/map"
+    )
+    lab.shell("robot1", "sh", "-c", "mkdir -p /run/srprov/other/secrets; echo decoy >/run/srprov/other/secrets/map")
+    collect = ("collect", str(path), "-i", inventory, "-o", str(tmp_path / "home"))
+    brought = tmp_path / "home/results/a/m/map"
+    try:
+        assert (
+            lab.srprov("apply", str(path), "-i", inventory, "--yes", "--allow", "host-path", "--settle", "0").code == 0
+        )
+        done, first = lab.srprov(*collect), brought.read_text()
+        lab.shell("robot1", "ln", "-sfn", "/run/srprov/other/secrets", "/srv/turned/maps")
+        again = lab.srprov(*collect)
+    finally:
+        lab.srprov("destroy", str(path), "-i", inventory, "--yes")
+        lab.shell("robot1", "rm", "-r", "/srv/turned", "/run/srprov/other")
+    assert (done.code, first) == (0, "map\n"), done
+    assert (again.code, "leads elsewhere than when its container was made" in again.err) == (3, True), again
+    assert brought.read_text() == "map\n"
+
+
 def test_where_a_link_leads_is_said_of_a_path_that_will_be_made_behind_it(lab: Lab, tmp_path: Path) -> None:
     made = {"type": "bind", "target": "/m", "bind": {"create_host_path": True}}
     lab.shell("robot1", "sh", "-c", "mkdir -p /srv/behind && ln -s /etc/systemd /srv/behind/link")

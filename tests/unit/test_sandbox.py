@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from srprov.sandbox import MISSING, ended_with_channel, sandboxed, sandboxed_writing
+from srprov.sandbox import ELSEWHERE, MISSING, ended_with_channel, sandboxed, sandboxed_writing
 from srprov.session import Traffic
 from srprov.transport.shell.pipes import PipeStreams
 from srprov.wire import quote
@@ -79,6 +79,21 @@ def test_who_is_not_root_reads_the_folder_as_it_is() -> None:
         Path("/usr/bin"), "id -u; pwd -P; [ -e env ] && echo read", "setpriv", "--reuid", "65534", "--clear-groups"
     )
     assert done.stdout.split() == ["65534", "/usr/bin", "read"]
+
+
+def test_nothing_is_read_where_a_link_took_the_folder_s_place(tmp_path: Path) -> None:
+    here, other = tmp_path / "here", tmp_path / "other"
+    here.mkdir()
+    other.mkdir()
+    (other / "decoy").write_text("secret")
+    script = sandboxed(str(here), "cat decoy; ls", str(here))
+    assert subprocess.run(["sh", "-c", script], capture_output=True, text=True, check=False).returncode == 0
+    here.rmdir()
+    here.symlink_to(other)
+    done = subprocess.run(["sh", "-c", script], capture_output=True, text=True, check=False)
+    assert (done.stdout, done.returncode) == ("", ELSEWHERE)
+    led = sandboxed(str(here), "ls", str(other))
+    assert subprocess.run(["sh", "-c", led], capture_output=True, text=True, check=False).stdout == "decoy\n"
 
 
 def test_a_folder_that_is_gone_has_its_own_status(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import itertools
+import json
 import os
 import subprocess
 import threading
@@ -22,6 +23,7 @@ from srprov.controller.results import bring_results, listed
 from srprov.definitions.trialsmodel import Result
 from srprov.execution.collect import CollectFailed, Place, fetch_file, fetch_tar, listings, place_of, places_below
 from srprov.execution.listing import Entry, Listing, ListingError
+from srprov.modules.mount_place import LED
 from srprov.pace import Pace
 from srprov.record.results import Kept, Names
 from srprov.session import Session, Traffic
@@ -562,6 +564,21 @@ def test_where_a_containers_path_lies(path: str, expected: Place | None) -> None
     mounts = [{"Destination": "/out", "Source": "/v/1"}, {"Destination": "/out/deep/", "Source": "/v/2"}, 3, {}]
     assert place_of({"Mounts": mounts}, path) == expected
     assert place_of({"Mounts": "x"}, path) is None
+
+
+def test_a_robot_s_own_path_is_read_where_it_led_when_the_container_was_made() -> None:
+    mounts = [
+        {"Type": "bind", "Source": "/srv/maps", "Destination": "/m"},
+        {"Type": "bind", "Source": "/srv/logs", "Destination": "/m/logs"},
+        {"Type": "volume", "Source": "/srv/v", "Destination": "/v"},
+    ]
+    led = {"/srv/maps": "/mnt/maps", "/srv/v": "/elsewhere", "/srv/other": "x"}
+    inspected = {"Mounts": mounts, "Config": {"Labels": {LED: json.dumps(led)}}}
+    assert place_of(inspected, "/m/a") == Place(root="/srv/maps", path="a", real="/mnt/maps")
+    assert places_below(inspected, "/m") == [("logs", Place(root="/srv/logs", path="."))]  # nobody knows
+    assert place_of(inspected, "/v") == Place(root="/srv/v", path=".")
+    for odd in ("", "[", "[1]", '{"/srv/maps": 1}', '{"/srv/maps": "maps"}'):
+        assert place_of({**inspected, "Config": {"Labels": {LED: odd}}}, "/m") == Place(root="/srv/maps", path=".")
 
 
 @pytest.mark.soak

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 from pathlib import Path
 
 import pytest
 
-from srprov.modules.mount_place import LEADS_TO, guarded
+from srprov.modules.mount_place import LEADS_TO, LED, guarded
 from srprov.wire import EngineCall, Run, quote
 
 SHELLS = (("sh", "-c"), ("busybox", "sh", "-c"))
@@ -56,8 +57,17 @@ def test_a_script_of_a_container_is_not_run_where_a_path_leads_elsewhere(
 
 
 def test_what_was_not_looked_at_and_what_is_no_script_stays(shell: tuple[str, ...]) -> None:
-    call, run = EngineCall(method="POST", path="/containers/create"), Run(script="true")
+    call, run = EngineCall(method="POST", path="/containers/x/start"), Run(script="true")
     mounts = [{"Type": "bind", "Source": "/srv/maps"}]
     assert guarded(call, mounts, {"/srv/maps": "/srv/maps"}) is call
     assert guarded(run, mounts, {"/srv": "/srv"}) is run
     assert shell
+
+
+def test_a_container_has_where_its_paths_led_as_a_label(shell: tuple[str, ...]) -> None:
+    call = EngineCall(method="POST", path="/containers/create", body='{"Image":"x","Labels":{"a":"b"}}')
+    mounts = [{"Type": "bind", "Source": "/srv/maps"}, {"Type": "volume", "Source": "/srv/v"}]
+    made = guarded(call, mounts, {"/srv/maps": "/mnt/maps", "/srv/v": "/srv/v"})
+    assert isinstance(made, EngineCall) and shell
+    assert json.loads(made.body) == {"Image": "x", "Labels": {"a": "b", LED: '{"/srv/maps":"/mnt/maps"}'}}
+    assert guarded(call, mounts, {}) is call
