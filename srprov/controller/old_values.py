@@ -18,6 +18,7 @@ from srprov.controller.robot_files import is_record_path
 from srprov.facts.gather import Gathering
 from srprov.modules import MODULES
 from srprov.modules.differences import HIDDEN
+from srprov.modules.file import whole
 from srprov.modules.tree import TreeParams, between_trees, content_difference, content_queries, mounted_tree
 from srprov.planning.plan import Step
 from srprov.resource import Action, Difference, Observed, Resource
@@ -59,11 +60,8 @@ def with_differences(
     """
     asked = list(_asked(steps, observed, strange=strange))
     replies = _ask(look, [(one.host, one.queries) for one in asked])
-    found = {
-        one.step.id: MODULES[one.step.module].differences(one.step.want.params, one.item.state, said)
-        for one, said in zip(asked, replies, strict=True)
-        if one.step.want
-    }
+    both = zip(asked, replies, strict=True)
+    found = {one.step.id: _told(one, one.step.want, said) for one, said in both if one.step.want}
     homes = {one.step.id: one.host for one in asked}
     found = _with_contents(found, homes, wanted, look)
     # no secret is in an own file, and what looks like one would hide all that changes there
@@ -111,6 +109,11 @@ def _asked(
         queries = MODULES[step.module].old_queries(step.name, step.want.params, item.state)
         count[host] = count.get(host, 0) + bool(queries)
         yield _Asked(step, host, item, queries if count[host] <= _MOST_ASKED else ())
+
+
+def _told(one: _Asked, want: Resource, said: Sequence[Reply]) -> tuple[Difference, ...]:
+    params, state = want.params, one.item.state
+    return whole(params, state, said) if _is_own(one.step) else MODULES[want.module].differences(params, state, said)
 
 
 def _ask(look: Gathering, wishes: Sequence[tuple[str, Sequence[AnyQuery]]]) -> list[Sequence[Reply]]:

@@ -88,6 +88,19 @@ def text_difference(field: str, old: Reply, new: str) -> Difference:
     return Difference(field=field, diff=_unified(before_lines, after_lines))
 
 
+def whole_difference(field: str, old: Reply, new: str) -> Difference:
+    """Return how the content of a file changes as `text_difference` does, but with each line of it that is new, whole.
+
+    Of what cannot be compared in time, or is no text, or was not read, all lines are told as new ones.
+    """
+    before, after = (text.removesuffix("\n").split("\n") for text in (old.out, new))
+    read = old.ok and len(old.out.encode()) <= MOST_READ and not any(mark in old.out for mark in _NOT_TEXT)
+    if not read or max(len(before), len(after)) > _MOST_LINES:
+        return Difference(field=field, diff=("@@ all of it @@", *(f"+{line}" for line in after)))
+    lines = tuple(difflib.unified_diff(before, after, n=2, lineterm=""))[2:]
+    return Difference(field=field, diff=lines, note="" if lines else "the end of its last line")
+
+
 def line_diff(old: str, new: str) -> tuple[str, ...]:
     """Return the hunks of a unified diff of two values; nothing where neither has several lines, or one is empty."""
     before, after = ([f"{line}\n" for line in side.split("\n")] for side in (old, new))

@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from srprov.hashing import sha256_of
-from srprov.modules.differences import read_start, text_difference
+from srprov.modules.differences import read_start, text_difference, whole_difference
 from srprov.modules.module import DISCOVERY_FILE, STATE_ROOT, Module, Names
 from srprov.modules.params import AnyText, Mode, ParameterError
 from srprov.resource import Action, Change, Difference, Observed, State
@@ -129,6 +129,16 @@ class FileModule(Module[FileParams]):
         if "/" in rest or rest in ("", ".", "..") or "\n" in rest or "\\" in rest:
             return f"the file '{name}' is not directly in {home}", "files of an instance lie side by side"
         return None
+
+
+def whole(want: object, found: State, said: Sequence[Reply]) -> tuple[Difference, ...]:
+    """Return what changes in a file of srprov's own, with each new line of it; nothing for what is no file.
+
+    In a plan of somebody else's they are his word, and one that is not shown may lead a service to his host.
+    """
+    if not isinstance(want, FileParams) or found["sha256"] == sha256_of(want.data):
+        return ()
+    return (whole_difference("content", said[0] if said else Reply(status=1, ok=False), want.text),)
 
 
 def remove_path(path: str, root: str = STATE_ROOT, *, with_root: bool = False) -> Run:

@@ -355,8 +355,22 @@ def test_json_tells_old_and_new() -> None:
     assert step["differences"] == [{"field": "environment.OLD", "old": "x", "new": None}]
 
 
-@pytest.mark.parametrize("beside", ["", "#-----BEGIN PRIVATE KEY-----\n#AAAA\n#-----END PRIVATE KEY-----\n"])
-def test_what_changes_in_srprovs_own_files_is_shown_of_a_plan_from_elsewhere(beside: str) -> None:
+@pytest.mark.parametrize(
+    ("above", "line", "beside"),
+    [
+        ("", "203.0.113.9\tdb", ""),
+        ("", "203.0.113.9\tdb", "#-----BEGIN PRIVATE KEY-----\n#AAAA\n#-----END PRIVATE KEY-----\n"),
+        ("".join(f"10.128.255.{n}\tsensor{n}\n" for n in range(100)), "203.0.113.9\tdb", ""),
+        ("", "203.0.113.9\tdb", "# maps\n" * 1600),
+        ("", "203.0.113.9\tdb", f"#{'x' * 70_000}\n"),
+        ("", "203.0.113.9\tdb", "#\ufffd\n"),
+        ("", f"203.0.113.9\t{'camera ' * 60}db", ""),
+    ],
+    ids=["plainly", "secret", "behind many lines", "too many lines", "too long", "no text", "at the end of a line"],
+)
+def test_what_changes_in_srprovs_own_files_is_shown_of_a_plan_from_elsewhere(
+    above: str, line: str, beside: str
+) -> None:
     """Its writer could have one service take his host for another one, and the plan said `srprov's own file`."""
     both = (service("db", robot="r1"), service("web", robot="r2"))
     world = running(experiment(*both), "r2")
@@ -364,7 +378,7 @@ def test_what_changes_in_srprovs_own_files_is_shown_of_a_plan_from_elsewhere(bes
     step = next(one for one in load(text, "plan.json").plan.steps if one.id == "r2/file:/var/lib/srprov/hello/hosts")
     assert step.want is not None
     lines = step.want.params.text.splitlines(keepends=True)
-    his = "".join("203.0.113.9\tdb\n" if line.endswith("\tdb\n") else line for line in lines) + beside
+    his = above + "".join(f"{line}\n" if one.endswith("\tdb\n") else one for one in lines) + beside
     written = {**step.want.written, "content": his}
     want = replace(step.want, params=replace(step.want.params, content=his), written=written)
     change = MODULES["file"].check(want.name, want.params, step.change.before)
@@ -372,7 +386,7 @@ def test_what_changes_in_srprovs_own_files_is_shown_of_a_plan_from_elsewhere(bes
     saved = load(text, "plan.json")
     steps = tuple(replace(one, want=want, change=change) if one == step else one for one in saved.plan.steps)
     shown = plan_text(check_plan(replace(saved, plan=replace(saved.plan, steps=steps)), fleet(world), adopt=True).plan)
-    assert "\n        +203.0.113.9\\tdb\n" in shown
+    assert f"\n        +{line}\n".replace("\t", "\\t") in shown
     assert "placement.json" not in shown
     assert "203.0.113.9" not in plan_text(check_plan(saved, fleet(world), adopt=True).plan)
 
