@@ -105,6 +105,7 @@ def _again(
     wanted: TrialsRequest, manner: Manner,
 ) -> int:  # fmt: skip
     """Run the trials; without an inventory of the user's, on a lab. Return the exit code."""
+    from srprov.controller.owners import note_bundle
     from srprov.controller.source import read_definitions
     from srprov.evidence import replay as evidence
 
@@ -115,6 +116,7 @@ def _again(
     evidence.unpack(bundle, folder)
     definitions = read_definitions(str(folder / again.edf), request.allowed, request.profiles)
     check_wanted(definitions, wanted)
+    note_bundle(request.instance or definitions.experiment.name, definitions.experiment.file, bundle.digest)
     with ExitStack() as stack:
         if ours is None:
             from srprov.cli.replay_lab import lab_for

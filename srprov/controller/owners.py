@@ -3,7 +3,8 @@
 A volume's label is a hash of the token with the robot and the volume's name. So it can be checked by who has the token,
 and by nobody else: neither a robot, nor a plan or record that was handed on, can make one. The token lies in the user's
 folder for state, under the instance and the EDF's real path. It counts for the source that it was kept with: another
-repository may lie at that path by now, a stranger's. What `--adopt` took over is listed beside it.
+repository may lie at that path by now, a stranger's. A bundle that brings another EDF to that path has a token of its
+own. What `--adopt` took over is listed beside it.
 
 Reads and writes these files only.
 """
@@ -16,7 +17,7 @@ import json
 import os
 import secrets
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -30,6 +31,7 @@ from srprov.untrusted import mapping, parse_json, string, string_map, strings
 
 _LONGEST_FILE = 1 << 20
 _DIGITS = 40
+_WORDS = ("instance", "edf", "source", "token", "bundle")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -46,6 +48,10 @@ class Owner:
     """What was taken over, as `identity` names it."""
     places: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     """Volume -> the robot on which it was last made, for when that cannot be reached."""
+    bundle: str = ""
+    """What is known of the bundle that brought the EDF; empty for one of the user's own."""
+    first: bool = False
+    """Another bundle brought the EDF that was there before, and nothing was made of this one yet."""
 
     def label(self, robot: str, volume: str) -> str:
         """Return the label of a volume that this owner makes."""
@@ -95,6 +101,23 @@ def _is_of(kept: Owner, source: str) -> bool:
     return kept.source in ("", source) or not any("://" in one for one in (kept.source, source))
 
 
+def note_bundle(instance: str, edf: str, bundle: str) -> None:
+    """Write down which bundle brought an EDF: what was made of another one's, by the same path, is not this one's.
+
+    Raises:
+        UsageError: It cannot be written.
+    """
+    path = os.path.realpath(edf)
+    source = source_of(path)
+    there = [one for one in every_owner() if one.edf == path and _is_of(one, source)]
+    of_it = Owner(edf=path, source=source, bundle=bundle)
+    for one in there:
+        if one.bundle != bundle:
+            keep(replace(of_it, instance=one.instance, token=secrets.token_hex(16), first=True))
+    if instance not in {one.instance for one in there}:
+        keep(replace(of_it, instance=instance, token=secrets.token_hex(16)))
+
+
 def owners_of(instance: str, source: str) -> tuple[Owner, ...]:
     """Return all owners that this controller knows for an instance and a source, for a plan from a file."""
     return tuple(owner for owner in every_owner() if (owner.instance, owner.source) == (instance, source))
@@ -115,9 +138,9 @@ def keep(owner: Owner) -> None:
     file = _place(owner.instance, owner.edf, owner.source)
     if _read(file) == owner:
         return
-    names = ("instance", "edf", "source", "token")
-    words = {name: getattr(owner, name) for name in names}
-    text = json.dumps({**words, "adopted": sorted(owner.adopted), "places": dict(owner.places)}, indent=2) + "\n"
+    words = {name: getattr(owner, name) for name in _WORDS}
+    more = {"adopted": sorted(owner.adopted), "places": dict(owner.places), "first": owner.first}
+    text = json.dumps({**words, **more}, indent=2) + "\n"
     try:
         believed.write(file, text, _LONGEST_FILE)
     except OSError as error:
@@ -146,9 +169,9 @@ def _read(file: Path) -> Owner | None:
         read = mapping(parse_json(believed.read(file, _LONGEST_FILE).decode(), max_characters=_LONGEST_FILE))
     except (OSError, ValueError):
         return None
-    words = {key: string(read.get(key)) for key in ("instance", "edf", "source", "token")}
+    words = {key: string(read.get(key)) for key in _WORDS}
     adopted, places = frozenset(strings(read.get("adopted"))), string_map(read.get("places"))
-    return Owner(**words, adopted=adopted, places=places) if words["token"] else None
+    return Owner(**words, adopted=adopted, places=places, first=read.get("first") is True) if words["token"] else None
 
 
 def _bytes(text: str) -> bytes:

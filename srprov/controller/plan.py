@@ -127,7 +127,7 @@ def make_plan(
     instance, source = request.instance or definitions.experiment.name, source_of(definitions.experiment.file)
     phases = phases or Phases()
     snapshot, notes = trusting(look.first(), instance, adopt=request.adopt)
-    check_source(snapshot, instance, source, adopt=request.adopt)
+    check_source(snapshot, instance, source, adopt=request.adopt, first=bool(request.owner and request.owner.first))
     choice = choice_of(definitions, look.inventory, snapshot, instance, request)
     placed, choice = settled(choice, request.search_limit_s)
     if placed is None:

@@ -18,6 +18,7 @@ from msgspec.structs import replace
 
 from srprov import __version__
 from srprov.codes import Code
+from srprov.controller.data_owner import remember_owner
 from srprov.controller.fleet import Fleet
 from srprov.controller.phases import Phases
 from srprov.controller.run import run
@@ -115,9 +116,9 @@ def run_trials(
     mine, waiting = claim(f"run {plan.base.plan.instance}", earlier.name), lock_options(plan.base.plan, options)
     with LockSet(robots, sessions, mine, waiting, stop, listener).acquire() as locks:
         refuse_others(plan, sessions)
-        base = None
-        if plan.base.plan.steps and not stop.is_set():
-            base = run(plan.base, fleet, replace(options, verb="run"), Phases(), listener, stop, held=locks)
+        remember_owner(plan.base.plan, plan.base.owner)  # also where all that the trials need is there already
+        due, how = plan.base.plan.steps and not stop.is_set(), replace(options, verb="run")
+        base = run(plan.base, fleet, how, Phases(), listener, stop, held=locks) if due else None
         if base is not None:
             if base.result.exit_code:
                 return TrialsReport(folder=folder, rows=earlier.rows, design=made, ended_early="", base=base)

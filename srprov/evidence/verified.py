@@ -46,6 +46,12 @@ class Bundle(msgspec.Struct, frozen=True):
     signed: bool = False
     """Somebody signed it whom the user named: nobody else's definitions may be run in its place."""
 
+    @property
+    def digest(self) -> str:
+        """Return what it is known by: another one has another file, or one with another content."""
+        lines = "".join(f"{sha256}  {name}\n" for name, sha256 in sorted(self.hashes.items()))
+        return hashlib.sha256(lines.encode()).hexdigest()
+
 
 @contextmanager
 def reopened(bundle: Bundle) -> Iterator[Verified]:

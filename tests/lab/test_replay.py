@@ -7,6 +7,7 @@ import io
 import ipaddress
 import json
 import re
+import shutil
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -75,6 +76,37 @@ def test_a_bundle_is_run_again_on_other_robots(lab: Lab, tmp_path: Path) -> None
     assert set(grades.values()) == {"identical"} and len(grades) == 4, grades
     again = str(next((target / "experiment").glob("*.edf")))
     assert lab.srprov("destroy", again, "-i", str(target / "run/sessions/1/inputs/inventory.yml"), "--yes").code == 0
+
+
+def test_a_bundle_gets_nothing_of_another_one_that_was_in_the_folder_before(lab: Lab, tmp_path: Path) -> None:
+    """Both are called alike, as whoever knows the first one's name can have it, and its user emptied the folder."""
+    inventory, bundles = part_of_lab(lab, ["robot1"], tmp_path / "inventory.yml"), []
+    given = {"until": {"any": [{"completed": "planner"}]}, "timeout": "20s"}
+    for name, command in (("first", "echo private >>/data/notes"), ("second", "cat /data/notes || :")):
+        folder = tmp_path / name
+        folder.mkdir()
+        services = {"planner": busybox("sh", "-c", command, volumes=["data:/data"])}
+        (folder / "tour.edf").write_text(edf("tour", services, trials=given))
+        run = lab.srprov("run", str(folder / "tour.edf"), "-i", inventory, "-o", str(folder / "run"), "--yes")
+        assert run.code == 0, run
+        assert lab.srprov("bundle", str(folder / "run"), "-o", str(folder / "tour.zip")).code == 0
+        gone = lab.srprov("destroy", str(folder / "tour.edf"), "-i", inventory, "--yes", "--volumes")
+        assert gone.code == 0, gone
+        bundles.append(str(folder / "tour.zip"))
+    again = tmp_path / "again"
+    words = ("-i", inventory, "-o", str(again), "--yes")
+    for _ in range(2):
+        assert lab.srprov("replay", bundles[0], *words).code == 0
+        shutil.rmtree(again)
+    strange = lab.srprov("replay", bundles[1], *words)
+    assert strange.code == 9 and "made of another bundle" in strange.err, strange
+    file = str(again / "experiment/tour.edf")
+    assert lab.srprov("destroy", file, "-i", inventory, "--yes").code == 0
+    data = lab.srprov("replay", bundles[1], *words)
+    assert data.code == 9 and "srprov.tour.data" in data.err, data
+    assert lab.srprov("destroy", file, "-i", inventory, "--yes", "--volumes", "--adopt").code == 0
+    assert lab.srprov("replay", bundles[1], *words).code in (0, 2)
+    assert lab.srprov("destroy", file, "-i", inventory, "--yes", "--volumes").code == 0
 
 
 WORK = """

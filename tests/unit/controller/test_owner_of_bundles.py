@@ -1,0 +1,73 @@
+"""A bundle that is replayed where another one was before: what that one left is not its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from srprov.controller.data_owner import remember_owner
+from srprov.controller.owners import Owner, keep, note_bundle, read_owner
+from srprov.errors import RefusedError
+from tests.fakes import World
+from tests.worlds import apply, experiment, plan_for, service
+
+
+@pytest.fixture(autouse=True)
+def _own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+
+
+def test_each_bundle_has_a_token_of_its_own(tmp_path: Path) -> None:
+    """By the path alone, a stranger's container had the data that somebody else's bundle had left."""
+    edf = str(tmp_path / "again/experiment/tour.edf")
+    note_bundle("tour", edf, "a")
+    mine = read_owner("tour", edf)
+    assert mine.token and not mine.first
+    note_bundle("tour", edf, "a")
+    assert read_owner("tour", edf) == mine, "the same bundle goes on"
+    note_bundle("tour", edf, "b")
+    other = read_owner("tour", edf)
+    assert other.first and other.label("r1", "srprov.tour.data") != mine.label("r1", "srprov.tour.data")
+
+
+def test_a_repository_that_lay_there_before_has_its_own_token_still(tmp_path: Path) -> None:
+    """And the bundle in its place one of its own, which is found again."""
+    edf = str(tmp_path / "tour.edf")
+    keep(Owner(instance="tour", edf=edf, source="https://lab.example/tour#tour.edf", token="t"))
+    note_bundle("tour", edf, "b")
+    mine = read_owner("tour", edf)
+    assert mine.bundle == "b" and mine.token != "t"
+    (tmp_path / ".git").mkdir()
+    (tmp_path / ".git" / "config").write_text('[remote "origin"]\nurl = https://lab.example/tour\n')
+    assert read_owner("tour", edf).token == "t"
+
+
+def test_an_experiment_that_lay_there_before_leaves_nothing_either(tmp_path: Path) -> None:
+    """Whatever its instances are called, and also what they had taken over."""
+    edf = str(tmp_path / "tour.edf")
+    for name in ("tour", "second"):
+        keep(Owner(instance=name, edf=edf, token="t", adopted=frozenset({"r1/x/y"}), places={"x": "r1"}))
+    keep(Owner(instance="tour", edf=f"{edf}.other", token="t"))
+    note_bundle("tour", edf, "b")
+    for name in ("tour", "second"):
+        now = read_owner(name, edf)
+        assert now.first and now.token != "t" and not now.adopted and not now.places
+    assert read_owner("tour", f"{edf}.other").token == "t"
+
+
+def test_what_another_bundle_left_is_taken_over_by_word_alone(tmp_path: Path) -> None:
+    """Containers too: a service that both have would go on with what it holds."""
+    edf = str(tmp_path / "hello.edf")
+    note_bundle("hello", edf, "a")
+    note_bundle("hello", edf, "b")
+    what, owner = experiment(service("web", robot="r1")), read_owner("hello", edf)
+    free = World().add("r1")
+    assert plan_for(free, what, owner=owner).steps
+    world = World().add("r1")
+    assert apply(world, what).exit_code == 0
+    with pytest.raises(RefusedError, match="'hello' on r1 was made of another bundle"):
+        plan_for(world, what, owner=owner)
+    remember_owner(plan_for(world, what, owner=owner, adopt=True), owner)
+    assert not read_owner("hello", edf).first
+    assert not plan_for(world, what, owner=read_owner("hello", edf)).steps
