@@ -112,7 +112,7 @@ def read_session(files: Files, home: str, folder: str, earlier: Earlier) -> Sess
     """
     about = json_of(files, f"{home}/inputs.json")
     edf = f"{home}/{string(about.get('edf'))}"
-    if edf not in files.sizes:
+    if edf not in files.sizes or not edf.startswith(f"{home}/inputs/"):
         raise NotThere(f"{home}/inputs.json names no EDF that is there")
     definitions = earlier.read(files, home, folder, edf, strings(about.get("variables")))
     choice = _choice(files, home, folder, definitions)
@@ -214,6 +214,8 @@ def data_sets(files: Files, home: str) -> dict[str, str]:
                 raise NotThere(f"{home}/inputs.json has a data set of no place: {place[:200]}")
             if repository_in(place.split("/"), folder=False) is not None:  # a folder to replay in may have it already
                 raise NotThere(f"{home}/inputs.json has a data set that would make a repository: {place[:200]}")
+            if f"{home}/{place}" in files.sizes:  # what was looked at would be empty, and what is run the file
+                raise NotThere(f"{home}/inputs.json has a data set in the place of a file: {place[:200]}")
             found[place.removeprefix("inputs/")] = string(one.get("sha256"))
     return found
 

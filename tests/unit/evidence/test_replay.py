@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import stat
 from contextlib import suppress
@@ -85,6 +86,29 @@ def test_no_data_set_of_a_bundle_makes_a_repository(content: Content, tmp_path: 
     with pytest.raises(UsageError, match="a data set that would make a repository"):
         unpack(as_it_is(packed(with_manifest(more), tmp_path / "b.zip")), tmp_path / "again")
     assert not (tmp_path / "again").exists()
+
+
+def test_no_data_set_of_a_bundle_has_the_place_of_a_file(content: Content, tmp_path: Path) -> None:
+    """Checks read an empty file in its place, and what was run was the file: variables that nobody had looked at."""
+    about = json.loads(content["sessions/1/inputs.json"])
+    env = b"EVIL=1\n"
+    about["files"].append(
+        {"file": "inputs/more.env", "data": "inputs/more.env", "sha256": hashlib.sha256(env).hexdigest(), "size": 7}
+    )
+    more = {**content, "sessions/1/inputs.json": json.dumps(about).encode(), "sessions/1/inputs/more.env": env}
+    bundle = packed(with_manifest(more), tmp_path / "b.zip")
+    with pytest.raises(RefusedError, match=r"a data set in the place of a file: inputs/more\.env"):
+        check(str(bundle))
+    with pytest.raises(UsageError, match=r"a data set in the place of a file: inputs/more\.env"):
+        unpack(as_it_is(bundle), tmp_path / "again")
+    assert not (tmp_path / "again").exists()
+
+
+def test_an_edf_lies_where_it_is_unpacked_from(content: Content, tmp_path: Path) -> None:
+    about = {**json.loads(content["sessions/1/inputs.json"]), "edf": "race.edf"}
+    more = {**content, "sessions/1/inputs.json": json.dumps(about).encode(), "sessions/1/race.edf": b"edf: 1\n"}
+    with pytest.raises(UsageError, match="names no EDF that is there"):
+        unpack(as_it_is(packed(with_manifest(more), tmp_path / "b.zip")), tmp_path / "again")
 
 
 def test_robots_do_the_parts_of_others_under_their_names() -> None:
