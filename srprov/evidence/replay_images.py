@@ -12,7 +12,7 @@ import msgspec
 
 from srprov.codes import Code
 from srprov.controller.kept_images import Content, keep
-from srprov.controller.request import BundledImage
+from srprov.controller.request import BUNDLED, BundledImage
 from srprov.errors import UsageError
 from srprov.evidence import story
 from srprov.evidence.files import Files
@@ -22,6 +22,8 @@ from srprov.evidence.verified import Bundle, reopened
 from srprov.facts.model import Snapshot
 from srprov.image_reference import BUILT
 from srprov.oci.layout import Stored, blob
+
+_BY_ITS_WORD = "built of its CDF by the bundle's word; --no-bundled-images builds it here"
 
 
 class Kept(msgspec.Struct, frozen=True, kw_only=True):
@@ -91,8 +93,10 @@ def in_words(kept: Kept, snapshot: Snapshot, placed: Mapping[str, str]) -> Itera
         some = kept.images.get(service, ())
         fits = [one for one in some if not facts or not one.architecture or one.architecture in facts.runs]
         if fits:
-            # which image a registry, or somebody, gave under a name is the word of the robot that had it
-            whose = "" if name.startswith(BUILT) else f", as its {placed.get(service, 'robot')} had it"
+            # which image a registry, or somebody, gave under a name is the word of the robot that had it; and what was
+            # built under a tag that of who made the bundle: nothing in an image says of which definitions it was built
+            had = f"as its {placed.get(service, 'robot')} had it"
+            whose = f", {_BY_ITS_WORD if name.startswith(BUILT) and not name.startswith(BUNDLED) else had}"
             yield f"{service}: the bundle's {name}, {fits[0].id[7:19]}{whose}"
         else:
             yield f"{service}: {_elsewhere(name)}" + (", as the bundle's is for another architecture" if some else "")

@@ -31,6 +31,7 @@ LIMITS = (
     "what srprov does not record: where robots stood, light, floor, batteries, firmware of sensors, people",
 )
 """What cannot be verified."""
+BUILT_OF = "that an image in it was built of the definitions beside it"
 ABSENT = "that images can still be had: {} named by their ids, and are not in the bundle"
 
 
@@ -51,6 +52,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     findings: tuple[Finding, ...]
     absent: str = "they are"
     """Which images are not in it, in words; empty: none."""
+    has_images: bool = False
     hashes: Mapping[str, str] = msgspec.field(default_factory=dict)
     """Name -> sha256 of its files; none where they are not those of its manifest."""
 
@@ -62,7 +64,8 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def unproven(self) -> tuple[str, ...]:
         """What cannot be verified, of this bundle."""
-        return (*LIMITS, *([ABSENT.format(self.absent)] if self.absent else []))
+        held, absent = [BUILT_OF] * self.has_images, [ABSENT.format(self.absent)] if self.absent else []
+        return (*LIMITS, *held, *absent)
 
 
 def verify(path: str, signers: str = "") -> Report:
@@ -93,7 +96,7 @@ def verify(path: str, signers: str = "") -> Report:
         findings = (*first, *_findings(bound, told, why, signers))
         return Report(
             run=told.run if told else "", findings=findings, absent=_absent(bound),
-            hashes=bound.named() if as_listed else {},
+            has_images=has_images(bound.files), hashes=bound.named() if as_listed else {},
         )  # fmt: skip
 
 

@@ -22,7 +22,7 @@ def stored(one: str, name: str, architecture: str) -> Stored:
 
 
 def test_what_a_robot_had_of_a_name_is_no_image_of_the_services_of_others() -> None:
-    """Only of what srprov built does a bundle prove for each architecture what the name stands for."""
+    """Only of what srprov built does who made the bundle say for each architecture what the name stands for."""
     every = (stored("a", "busybox:1", "amd64"), stored("b", "busybox:1", "arm64"),
              stored("c", "srprov/x:1", "amd64"), stored("d", "srprov/x:1", "arm64"))  # fmt: skip
     images = {
@@ -40,8 +40,9 @@ def test_whose_word_it_is_which_image_a_name_stands_for_is_said_before_the_quest
     names = {"own": "srprov/x:1", "again": "srprov/bundled:1", "theirs": "busybox:1", "gone": "debian:12"}
     kept = Kept(images=dict.fromkeys(("own", "again", "theirs"), one), names=names)
     assert [*in_words(kept, SNAPSHOT, dict.fromkeys(names, "robot1"))] == [
-        "again: the bundle's srprov/bundled:1, aaaaaaaaaaaa",
+        "again: the bundle's srprov/bundled:1, aaaaaaaaaaaa, as its robot1 had it",
         "gone: debian:12, by its name: it may be another image today",
-        "own: the bundle's srprov/x:1, aaaaaaaaaaaa",
+        "own: the bundle's srprov/x:1, aaaaaaaaaaaa, built of its CDF by the bundle's word; "
+        "--no-bundled-images builds it here",
         "theirs: the bundle's busybox:1, aaaaaaaaaaaa, as its robot1 had it",
     ]
