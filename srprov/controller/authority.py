@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterator, Mapping
 from msgspec.structs import replace
 
 from srprov.codes import Code
-from srprov.controller.overlay_claim import open_links, vteps_of, wrong_link
+from srprov.controller.overlay_claim import had_twice, open_links, vteps_of, wrong_link
 from srprov.controller.placement_claim import PlacementClaim
 from srprov.controller.robot_files import is_record_path
 from srprov.controller.stated import definition_of, pulled_for_nobody, sent_for_nobody, unstated
@@ -238,6 +238,7 @@ def _wrong(saved: PlanFile) -> Iterator[str]:
     for want in wants_of(saved):
         if isinstance(want.params, VxlanParams | VxlanFilterParams):
             yield from wrong_link(want, want.params, [network for host, network in overlays if host == want.host])
+    yield from had_twice(wants_of(saved))
     listed = set(plan.permissions)
     for one in asked(saved):
         if one not in listed:

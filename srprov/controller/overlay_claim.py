@@ -6,6 +6,7 @@ import functools
 from collections.abc import Collection, Iterator, Sequence
 
 from srprov.controller.robot_files import is_record_path
+from srprov.modules.container_params import ContainerParams
 from srprov.modules.file import FileParams
 from srprov.modules.network import NetworkParams
 from srprov.modules.vxlan import VxlanParams
@@ -54,3 +55,15 @@ def open_links(wants: Sequence[Resource]) -> Iterator[Resource]:
             continue
         if filters.get((want.host, want.name)) != {*link.vteps}:
             yield want
+
+
+def had_twice(wants: Sequence[Resource]) -> Iterator[str]:
+    """Say which services have one address or MAC: what is sent to the one of them would come to the other one."""
+    found: dict[str, set[str]] = {}
+    for want in wants:
+        if isinstance(want.params, ContainerParams):
+            for end in filter(None, (want.params.network.ip, want.params.network.mac)):
+                found.setdefault(end, set()).add(want.params.service)
+    for end, services in sorted(found.items()):
+        if len(services) > 1:
+            yield f"{end}: {' and '.join(sorted(services))} would both have it"

@@ -51,8 +51,12 @@ def is_own(want: ContainerParams, names: Names) -> bool:
 
 
 def told(want: ContainerParams) -> str:
-    """Return what a plan says whole of a container that is made: what it runs, publishes and mounts."""
-    return f"image {want.image}{want.publishes()}{shown_mounts(want)}"
+    """Return what a plan says whole of a container that is made: what it runs, publishes and mounts.
+
+    And by which name others find it beside its service's: an engine answers to it whoever asks on the same robot.
+    """
+    hostname = "" if want.hostname in ("", want.service) else f"; hostname {_word(want.hostname)}"
+    return f"image {want.image}{hostname}{want.publishes()}{shown_mounts(want)}"
 
 
 def shown_mounts(want: ContainerParams) -> str:

@@ -218,6 +218,18 @@ def test_a_link_in_a_plan_file_without_its_own_filter_asks_for_a_permission(worl
         check_file(tampered, "plan.json")
 
 
+def test_no_two_services_of_a_plan_file_have_one_address(world: World) -> None:
+    """Who asks for the one would be answered by the other one, which may be nearer."""
+    saved = reread(planned(world))
+    first, second, *_ = (one for one in wants_of(saved) if one.module == "container")
+    network = replace(second.params.network, ip=first.params.network.ip)
+    changed = replace(second, params=replace(second.params, network=network))
+    also = tuple(changed if one == second else one for one in saved.also_wanted)
+    steps = tuple(replace(one, want=changed) if one.want == second else one for one in saved.plan.steps)
+    with pytest.raises(UsageError, match=rf"{first.params.network.ip}: \w+ and \w+ would both have it"):
+        check_file(replace(saved, plan=replace(saved.plan, steps=steps), also_wanted=also), "plan.json")
+
+
 @pytest.mark.parametrize(
     ("name", "kind"), [("127.0.0.1:5000/x:1", "engine-fetch"), ("srprov/talker:0123456789abcdef", "built-image")]
 )

@@ -74,6 +74,14 @@ def test_neither_a_length_nor_a_secret_hides_what_a_container_runs_and_publishes
     assert TOLD in text and f"{LAST}; mounts volume bag at /bag |" in text
 
 
+def test_a_name_by_which_others_find_a_container_is_told() -> None:
+    """An engine answers to it on that robot: a container of a plan from elsewhere was called as a host of others."""
+    what = experiment(service("a", hostname="vault.lab.example"), service("b"))
+    told = {one.name: one.makes for one in plan_for(World().add("r1"), what).steps if one.module == "container"}
+    assert told["srprov.hello.a"] == "image busybox:latest; hostname vault.lab.example"
+    assert told["srprov.hello.b"] == "image busybox:latest"
+
+
 def test_a_cause_is_hidden_where_it_may_hold_a_secret() -> None:
     """As one that a robot says."""
     Secret("hunter2-is-a-password")
