@@ -151,7 +151,9 @@ def _of_edf(service: Service, builds: Mapping[str, ContainerDefinition]) -> Serv
 
 def _names(saved: PlanFile) -> Names:
     bridge, link = link_names(saved.plan.instance)
-    underlays = [mapping(mapping(one).get("underlay")).get("address") for one in saved.fingerprints.values()]
+    # a robot of which the placement says nothing is none of an overlay's, whatever else of it is in the file
+    members = saved.fingerprints.keys() & {*saved.plan.assignment.values()}
+    underlays = [mapping(mapping(saved.fingerprints[one]).get("underlay")).get("address") for one in members]
     return Names(
         instance=saved.plan.instance,
         source=saved.plan.source,

@@ -19,7 +19,7 @@ from srprov.errors import RefusedError, StalePlan, UsageError
 from srprov.planning.plan import Step
 from srprov.planning.planfile import PlanFile, dump
 from srprov.planning.planread import load
-from srprov.resource import Action, Change, Need
+from srprov.resource import Action, Change, Need, Resource
 from tests.fakes import World
 from tests.resources import resource
 from tests.worlds import Experiment, apply, experiment, fleet, made, run, service
@@ -216,6 +216,32 @@ def test_a_link_in_a_plan_file_without_its_own_filter_asks_for_a_permission(worl
     tampered = replace(saved, plan=replace(saved.plan, steps=steps), also_wanted=(*also, *changed))
     with pytest.raises(UsageError, match=r"r1/vxlan:srpv\w+ asks for playbook"):
         check_file(tampered, "plan.json")
+
+
+def test_no_robot_is_let_into_an_overlay_where_no_service_of_it_runs(world: World) -> None:
+    """Whoever is root there would be inside; and the plan told of two robots' links, and nothing of that one."""
+    saved = reread(planned(world))
+    other = saved.fingerprints["r1"]
+    stranger = {**other, "underlay": {**other["underlay"], "address": "192.0.2.99"}}
+    more = {"vxlan_filter": ("peers", "192.0.2.99"), "vxlan": ("fdb", ["00:00:00:00:00:00", "192.0.2.99"])}
+
+    def opened(one: Resource) -> Resource:
+        if one.module not in more:
+            return one
+        key, value = more[one.module]
+        written = {**one.written, key: [*one.written[key], value]}
+        return replace(resource(one.module, one.name, written, host=one.host), needs=one.needs)
+
+    steps = tuple(replace(one, want=opened(one.want)) if one.want else one for one in saved.plan.steps)
+    beside, prints = tuple(map(opened, saved.also_wanted)), {**saved.fingerprints, "r9": stranger}
+    within = replace(saved, fingerprints=prints, plan=replace(saved.plan, steps=steps), also_wanted=beside)
+    changed = {one.id for one in wants_of(within) if one.module in more}
+    assert changed and changed & {step.id for step in steps}
+    with pytest.raises(UsageError, match="asks for playbook"):
+        check_file(within, "plan.json")
+    placed = replace(within.plan, assignment={**saved.plan.assignment, "four": "r9"})
+    said = {one.service for one in asked(replace(within, plan=placed))}
+    assert not said & changed, "that a service runs there is what the plan shows"
 
 
 def test_no_two_services_of_a_plan_file_have_one_address(world: World) -> None:
