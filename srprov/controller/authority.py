@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterator, Mapping
 from msgspec.structs import replace
 
 from srprov.codes import Code
-from srprov.controller.overlay_claim import had_twice, open_links, vteps_of, wrong_link
+from srprov.controller.overlay_claim import had_twice, mixed_up, open_links, underlays_of, vteps_of, wrong_link
 from srprov.controller.placement_claim import PlacementClaim
 from srprov.controller.robot_files import is_record_path
 from srprov.controller.stated import definition_of, pulled_for_nobody, sent_for_nobody, unstated
@@ -40,7 +40,6 @@ from srprov.planning.planread import named
 from srprov.planning.policy import Permission, fetch, permissions
 from srprov.record.memory import built_for
 from srprov.resource import Resource
-from srprov.untrusted import mapping
 
 _SHOWN = 200
 """Characters of what a resource says that are shown with a permission."""
@@ -78,7 +77,11 @@ def asked(saved: PlanFile) -> tuple[Permission, ...]:
     # of what is right already, only checks are asked on the robots
     strange = [want for want in steps if not _is_own(want, names, plan, contexts, built, claim)]
     strange += [want for want in saved.also_wanted if want.module in PROBING]
-    more = (*open_links(wants_of(saved)), *unstated(wants_of(saved)))
+    more = (
+        *open_links(wants_of(saved)),
+        *mixed_up(steps, wants_of(saved), underlays_of(saved)),
+        *unstated(wants_of(saved)),
+    )
     strange += [want for want in more if want not in strange]
     return (
         *permissions(whole, builds),
@@ -151,9 +154,6 @@ def _of_edf(service: Service, builds: Mapping[str, ContainerDefinition]) -> Serv
 
 def _names(saved: PlanFile) -> Names:
     bridge, link = link_names(saved.plan.instance)
-    # a robot of which the placement says nothing is none of an overlay's, whatever else of it is in the file
-    members = saved.fingerprints.keys() & {*saved.plan.assignment.values()}
-    underlays = [mapping(mapping(saved.fingerprints[one]).get("underlay")).get("address") for one in members]
     return Names(
         instance=saved.plan.instance,
         source=saved.plan.source,
@@ -161,7 +161,7 @@ def _names(saved: PlanFile) -> Names:
         link=link,
         network=network_name(saved.plan.instance),
         tunnel=tunnel_name(saved.plan.instance),
-        vteps=frozenset(one for one in underlays if isinstance(one, str)),
+        vteps=frozenset(underlays_of(saved).values()),
     )
 
 

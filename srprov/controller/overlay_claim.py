@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from srprov.controller.robot_files import is_record_path
 from srprov.modules.container_params import ContainerParams
@@ -11,9 +11,11 @@ from srprov.modules.file import FileParams
 from srprov.modules.network import NetworkParams
 from srprov.modules.vxlan import VxlanParams
 from srprov.modules.vxlan_filter import VxlanFilterParams
-from srprov.modules.wireguard_peers import WireguardPeersParams
+from srprov.modules.wireguard import WireguardParams
+from srprov.modules.wireguard_peers import WireguardPeersParams, host_of
 from srprov.network.addresses import is_free
 from srprov.network.record import read_record
+from srprov.planning.planfile import PlanFile
 from srprov.resource import Resource
 from srprov.untrusted import json_or_none, mapping
 
@@ -54,6 +56,36 @@ def open_links(wants: Sequence[Resource]) -> Iterator[Resource]:
         if want.module != "vxlan" or link.netns:
             continue
         if filters.get((want.host, want.name)) != {*link.vteps}:
+            yield want
+
+
+def underlays_of(saved: PlanFile) -> dict[str, str]:
+    """Return robot -> its underlay address, of those that an overlay of a plan may have.
+
+    A robot of which the placement says nothing is none of them, whatever else of it is in the file.
+    """
+    members = saved.fingerprints.keys() & {*saved.plan.assignment.values()}
+    found = {one: mapping(mapping(saved.fingerprints[one]).get("underlay")).get("address") for one in members}
+    return {robot: address for robot, address in found.items() if isinstance(address, str)}
+
+
+def mixed_up(
+    steps: Sequence[Resource], wants: Sequence[Resource], underlays: Mapping[str, str]
+) -> Iterator[Resource]:  # fmt: skip
+    """Return the peers of encrypted overlays of which one gets the key of another robot than its addresses are of.
+
+    That one would be sent, and could send, what is the other's. `steps` are those of `wants` that are not there yet.
+    """
+    ends: dict[str, set[str]] = {}
+    for want in wants:
+        if isinstance(want.params, WireguardParams):
+            ends.setdefault(want.host, set()).add(want.params.address)
+    whose = {end: {robot for robot, some in ends.items() if end in some} for some in ends.values() for end in some}
+    for want in steps:
+        if isinstance(want.params, WireguardPeersParams) and not all(
+            underlays.get(robot) == host_of(endpoint) and whose.get(end, {robot} - ends.keys()) == {robot}
+            for robot, endpoint, end in want.params.peers
+        ):
             yield want
 
 
