@@ -40,15 +40,19 @@ def restored(normal: Normal) -> tuple[Normal, dict[str, Any]]:
 
 def _untold(service: str, given: Mapping[str, Any], names: object, normal: Normal) -> dict[str, Any]:
     """Return a service without some variables, and without the files beside them, which come last."""
-    listed = {str(one) for one in names} if isinstance(names, list) else set()
-    says = normal.position_of((KEY, "told", service)).file
+    told, own = (KEY, "told", service), ("services", service)
+    listed = [str(one) for one in names] if isinstance(names, list) else []
+    # of several lists one was made, whose parts are still each file's own
+    said = {(name, normal.position_of((*told, at)).file) for at, name in enumerate(listed)}
+    files = {file for _, file in said} | {normal.position_of(told).file}
     found = dict(given)
     if variables := given.get("environment"):
-        at = ("services", service, "environment")
-        told = {name for name in variables if name in listed and normal.position_of((*at, name)).file == says}
-        found["environment"] = {name: value for name, value in variables.items() if name not in told}
+        where = {name: normal.position_of((*own, "environment", name)).file for name in variables}
+        found["environment"] = {name: value for name, value in variables.items() if (name, where[name]) not in said}
     volumes = list(given.get("volumes") or ())
     while volumes and str(volumes[-1].get("target") or "").startswith(_FOLDER):
+        if normal.position_of((*own, "volumes", len(volumes) - 1)).file not in files:
+            break
         volumes.pop()
     if given.get("volumes"):
         found["volumes"] = volumes

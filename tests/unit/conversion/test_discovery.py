@@ -69,3 +69,31 @@ def test_one_file_takes_nothing_from_what_another_one_says(tmp_path: Path, monke
         assert {name: dict(one.runtime.environment) for name, one in found.items()} == {
             "a": {"LOGIN": "yes", "B": "1"}, "b": {},
         }  # fmt: skip
+
+
+def test_of_two_exports_each_takes_out_what_it_says_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their lists for one service become one list; whose the whole is, says nothing of its parts."""
+    monkeypatch.chdir(tmp_path)
+    Path("mine.yml").write_text(
+        "name: p\nservices: {a: {image: x, environment: {LOGIN: 'yes', B: '1'}}}\n"
+        "x-srprov: {discovery: static-peers, told: {a: [B]}}\n"
+    )
+    Path("c.yml").write_text(
+        "services: {b: {image: x, environment: {TOLD: '1'}}}\n"
+        "x-srprov: {discovery: static-peers, told: {a: [LOGIN], b: [TOLD]}}\n"
+    )
+    for order in (("mine.yml", "c.yml"), ("c.yml", "mine.yml")):
+        assert run(["import", "compose", *order, "-o", f"out-{order[0]}"]) == 0
+        found = load_experiment(f"out-{order[0]}/experiment.edf").experiment.services
+        environment = {name: dict(one.runtime.environment) for name, one in found.items()}
+        assert environment == {"a": {"LOGIN": "yes"}, "b": {}}
+
+
+def test_one_file_takes_no_mount_from_what_another_one_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("rules").write_text("deny all")
+    Path("mine.yml").write_text("name: p\nservices: {a: {image: x, volumes: ['./rules:/etc/srprov/rules:ro']}}\n")
+    Path("c.yml").write_text("services: {b: {image: x}}\nx-srprov: {discovery: static-peers, told: {a: []}}\n")
+    assert run(["import", "compose", "c.yml", "mine.yml", "-o", "out"]) == 0
+    found = load_experiment("out/experiment.edf").experiment.services
+    assert [one.target for one in found["a"].runtime.mounts] == ["/etc/srprov/rules"]
