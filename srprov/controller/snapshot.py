@@ -114,11 +114,11 @@ def _robots(seen: Sequence[Seen]) -> list[Robot]:
         robot = Robot(
             name=one.name, short=shorts[one.name], host=one.host, repositories=one.repositories, notes=one.notes
         )
+        fit = len(taken) + len(one.containers) <= _SERVICES  # all or none: others would choose which of them
+        if not fit:
+            one.notes.lost("containers", f"with them an experiment had more than {_SERVICES} services: none is in it")
         services = []
-        for box, image in one.containers:
-            if len(taken) >= _SERVICES:
-                one.notes.lost("containers", f"an experiment has at most {_SERVICES} services")
-                break
+        for box, image in one.containers if fit else ():
             name = _name_of(box, robot, taken, there)
             taken.add(name)
             try:

@@ -18,6 +18,7 @@ from srprov import private
 from srprov.definitions import load_experiment
 from srprov.errors import DefinitionError
 from srprov.images.dockerfile import render_dockerfile
+from srprov.snapshot.containers import Service
 from srprov.snapshot.folder import EDF_NAME, Definition, Robot, experiment_of
 from srprov.snapshot.hider import Hider
 from srprov.snapshot.notes import Notes
@@ -98,24 +99,41 @@ class Checker:
         return replace(robot, services=tuple(services))
 
     def _one_by_one(self, name: str) -> None:
-        """Keep the services that go together; halves are tried, so that few bad ones cost few tries."""
-        left = [[(index, one) for index, robot in enumerate(self.robots) for one in robot.services]]
-        self.robots = [replace(robot, services=()) for robot in self.robots]
+        """Keep the services that go together: of each robot by itself, and then all of a robot or none.
+
+        Else a robot could have some of another one's left out, by as much as fills the experiment.
+        """
+        for index, robot in enumerate(self.robots):
+            (self.robots[index],) = self._together(name, [robot], [(0, (one,)) for one in robot.services])
+        wholes = [(index, robot.services) for index, robot in enumerate(self.robots)]
+        self.robots = self._together(name, self.robots, wholes)
+
+    def _together(
+        self, name: str, robots: Sequence[Robot], groups: Sequence[tuple[int, tuple[Service, ...]]]
+    ) -> list[Robot]:
+        """Return robots with the groups of services that go together, each of which is of the robot at its number.
+
+        Halves are tried, so that few bad ones cost few tries.
+        """
+        found = [replace(robot, services=()) for robot in robots]
+        definitions = {one.name: self.definitions[one.name] for one in robots if one.name in self.definitions}
+        left = [list(groups)]
         while left:
-            some = left.pop()
-            before = list(self.robots)
-            for index, one in some:
-                self.robots[index] = replace(self.robots[index], services=(*self.robots[index].services, one))
-            if not (fault := self._fault(experiment_of(name, self.robots, self.definitions))):
+            some, before = left.pop(), list(found)
+            for index, services in some:
+                found[index] = replace(found[index], services=(*found[index].services, *services))
+            if not (fault := self._fault(experiment_of(name, found, definitions))):
                 continue
-            self.robots = before
+            found = before
             if len(some) > 1:
                 half = len(some) // 2
                 left += [some[half:], some[:half]]
                 continue
-            for index, one in some:
-                words = f"does not go together with the others: {fault}"
-                before[index].notes.lost(f"container {one.name}", words)
+            for index, services in some:
+                for one in services:
+                    words = f"does not go together with the others: {fault}"
+                    found[index].notes.lost(f"container {one.name}", words)
+        return found
 
     def _kept(
         self,

@@ -85,6 +85,28 @@ def test_no_robot_s_volume_has_a_container_of_another_left_out(tmp_path: Path) -
     assert "does not go together" not in str(document)
 
 
+def test_no_robot_s_size_has_some_containers_of_another_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It would choose which: the large ones, such as a proxy with many settings, and not those behind it."""
+    monkeypatch.setattr("srprov.definitions.experiment._MOST_BYTES", 20_000)
+    lies = [box(9 + at, f"big{at}", [f"V={'a b ' * 400}"]) for at in range(10)]
+    honest = [box(1, "planner"), box(2, "proxy", [f"P{at}={'x y ' * 10}" for at in range(90)])]
+    _, edf, written = taken(tmp_path / "out", r1=Robot(boxes=lies), r2=Robot(boxes=honest))
+    assert "big0" in edf["services"] and not {"planner", "proxy"} & edf["services"].keys()
+    assert all(f"container {name}: does not go together" in written for name in ("planner", "proxy"))
+
+
+def test_no_number_of_containers_has_some_of_another_robot_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("srprov.controller.snapshot._SERVICES", 5)
+    lies, honest = ([box(at, f"{name}{at}") for at in range(2)] for name in ("lies", "honest"))
+    document, edf, _ = taken(tmp_path / "out", r1=Robot(boxes=lies), r2=Robot(boxes=honest))
+    assert {"lies0", "lies1"} <= edf["services"].keys() and not any(one.startswith("honest") for one in edf["services"])
+    assert "more than 5 services: none is in it" in str(document)
+
+
 def test_words_without_end_are_looked_at_in_time() -> None:
     begun = time.monotonic()
     long = {f"r{at}": [box(at, "x", [f"A={'a -b' * 200_000}"])] for at in range(10)}
