@@ -29,6 +29,7 @@ from srprov.snapshot import report
 from srprov.snapshot.containers import service_of
 from srprov.snapshot.folder import Definition, Robot, definition_of
 from srprov.snapshot.hider import Hider
+from srprov.snapshot.mounts import volumes_there
 from srprov.snapshot.names_there import NamesThere
 from srprov.snapshot.secret_names import SecretNames
 from srprov.snapshot.settings import service_name
@@ -124,7 +125,7 @@ def _robots(seen: Sequence[Seen]) -> list[Robot]:
             try:
                 with answers_of(one.name):
                     made = service_of(name, box, image, one.runtime, one.notes, given.of(one.name))
-                    made = volumes.named(one.name, robot.short, made, one.notes)
+                    made = volumes.named(one.name, robot.short, made, volumes_there(mapping(box)), one.notes)
                     services.append(there.without_hostname(one.name, made, one.notes))
             except TransportError as error:
                 one.notes.lost(f"container {name}", error.message)

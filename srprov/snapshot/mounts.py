@@ -47,6 +47,12 @@ def mount_fields(box: Mapping[str, Any], own: Mapping[str, Any], service: str, n
     return found
 
 
+def volumes_there(box: Mapping[str, Any]) -> dict[str, str]:
+    """Return path in a container -> what its robot calls the volume there, which may be no name of an experiment's."""
+    some = mappings(box.get("Mounts"), most=MOST_ENTRIES)
+    return {string(one.get("Destination")): string(one.get("Name")) for one in some}
+
+
 def _bind(one: Mapping[str, Any], target: str, subject: str, notes: Notes) -> list[dict[str, Any]]:
     source = string(one.get("Source"))
     if not source.startswith("/"):  # in an EDF a file of the experiment: the snapshot, with what it has of other robots

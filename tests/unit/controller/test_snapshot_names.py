@@ -81,8 +81,23 @@ def test_no_robot_s_volume_has_a_container_of_another_left_out(tmp_path: Path) -
     names = {name: one["volumes"][0]["source"] for name, one in edf["services"].items() if "cdf" not in one}
     own = "pgdata-r2-2"
     assert names == {"a": "pgdata", "b": "pgdata-r2", "db": own, "backup": own}, "those of one robot share it as before"
-    assert f"its volume pgdata is called {own} here: another robot has one of that name" in str(document)
+    assert f"its volume pgdata is called {own} here: each name is one volume's" in str(document)
     assert "does not go together" not in str(document)
+
+
+def test_a_volume_without_a_name_is_no_other_one_s(tmp_path: Path) -> None:
+    """Two of one container were one, and whoever named his own so had it; who shared one did not."""
+    two = [{"Type": "volume", "Name": 64 * at, "Destination": f"/{at}/data", "RW": True} for at in "ab"]
+    boxes = [
+        {**box(1, "db"), "Mounts": two},
+        {**box(2, "backup"), "Mounts": two[:1]},
+        with_volume(box(3, "other"), "db-data"),
+    ]
+    _, edf, _ = taken(tmp_path / "out", r1=Robot(boxes=boxes))
+    (a, b), (shared,), (named,) = (
+        [one["source"] for one in edf["services"][name]["volumes"]] for name in ("db", "backup", "other")
+    )
+    assert len({a, b, named}) == 3 and shared == a
 
 
 def test_no_robot_s_size_has_some_containers_of_another_left_out(
