@@ -155,7 +155,8 @@ def _place(instance: str, edf: str, source: str) -> Path:
     """Return the file of an owner: where that of another source is there already, one beside it."""
     first = _file(instance, edf)
     there = _read(first)
-    return first if there is None or _is_of(there, source) else _file(instance, edf, source)
+    beside = source if "://" in source else ""  # a plain folder's is the same when the host is called otherwise
+    return first if there is None or _is_of(there, source) else _file(instance, edf, beside)
 
 
 def _file(*words: str) -> Path:

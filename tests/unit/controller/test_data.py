@@ -198,6 +198,17 @@ def test_a_token_stays_where_the_machine_is_called_otherwise(tmp_path: Path, mon
     assert read_owner("nav", str(tmp_path / "nav.edf")).token == owner.token
 
 
+def test_a_token_beside_a_repository_s_stays_where_the_machine_is_called_otherwise(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    edf = str(tmp_path / "nav.edf")
+    keep(dataclasses.replace(read_owner("nav", edf), source="https://lab.example/nav#nav.edf"))
+    owner = read_owner("nav", edf)
+    keep(dataclasses.replace(owner, source=f"me@before:{edf}"))
+    assert read_owner("nav", edf).token == owner.token
+
+
 def test_a_plan_from_a_file_is_held_against_the_tokens_of_who_wrote_it() -> None:
     """What its steps mount, make or remove."""
     seen = robots(r1=volume("r1"))
