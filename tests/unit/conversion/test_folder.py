@@ -194,6 +194,19 @@ def test_nothing_is_written_by_way_of_a_projects_links(stack: Path, linked: str)
     assert (out / "written/configs/authorized_keys").read_text() == "stolen"
 
 
+def test_no_file_is_written_by_way_of_a_link(tmp_path: Path) -> None:
+    """Also where one has the place of a folder: it is made when all else is there, and refused."""
+    away, top = tmp_path / "away", tmp_path / "top"
+    away.mkdir()
+    top.mkdir()
+    tree = Tree(str(top))
+    tree.link("configs", str(away))
+    tree.write("configs/authorized_keys", b"stolen")
+    with pytest.raises(OSError, match="it is a link"):
+        tree.finish()
+    assert left(away) == [] and (top / "configs/authorized_keys").read_bytes() == b"stolen"
+
+
 def test_nothing_that_stands_in_a_file_takes_the_place_of_what_is_copied(stack: Path) -> None:
     """One of several Compose files may be a stranger's: his text was what the service of another one built, or ran."""
     (stack / "configs").mkdir()
