@@ -48,7 +48,8 @@ def parse_observed(replies: Sequence[Reply], kinds: Iterable[str] = tuple(MODULE
             _check(one)
         found += ours
         start += count
-    ours_by_name = Counter((one.module, one.name) for one in found if one.instance)
+    # what a build left is whoever's who comes next
+    ours_by_name = Counter((one.module, one.name) for one in found if one.instance or one.state.get("leftover"))
     if ours_by_name and (most_named := ours_by_name.most_common(1)[0])[1] > 1:
         kind, name = most_named[0]
         raise ValueError(f"it names the {kind} {name[:60]!r} twice")  # two steps would be about one thing

@@ -7,6 +7,7 @@ import json
 import pytest
 
 from srprov.errors import TransportError
+from srprov.modules.container_leftover import BUILD
 from srprov.modules.observe import observe_queries, parse_observed
 from srprov.robot_answers import answers_of
 from srprov.wire import Reply
@@ -25,6 +26,19 @@ def test_a_robot_that_has_one_thing_of_ours_twice_is_not_believed() -> None:
     """Two steps of one plan would be about it, and the plan for all robots would end."""
     one = {"Names": ["/srprov.i.a"], "Labels": {"srprov.instance": "i", "srprov.service": "a"}}
     replies = [told([one, {**one, "Id": "ffff"}]) for _ in observe_queries(["container"])]
+    with pytest.raises(TransportError, match="its answers cannot be read"), answers_of("r1"):
+        parse_observed(replies, ["container"])
+
+
+@pytest.mark.parametrize(
+    ("name", "state"), [("happy_euler", {"State": "exited"}), ("srprov..packages-0123456789ab", {"State": "running"})]
+)
+def test_so_is_one_that_has_twice_what_a_build_left(name: str, state: dict[str, str]) -> None:
+    """It names no instance, and is whoever's who comes next."""
+    labels = {"srprov.instance": BUILD}
+    left = {"Names": [f"/{name}"], "Image": f"sha256:{'e' * 64}", "Labels": labels, **state}
+    assert parse_observed([told([left]) for _ in observe_queries(["container"])], ["container"])[0].name == name
+    replies = [told([left, {**left, "Id": "ffff"}]) for _ in observe_queries(["container"])]
     with pytest.raises(TransportError, match="its answers cannot be read"), answers_of("r1"):
         parse_observed(replies, ["container"])
 
