@@ -13,9 +13,12 @@ import contextlib
 import os
 from collections.abc import Collection, Iterable
 from shlex import quote
+from types import MappingProxyType
+
+from msgspec.structs import replace
 
 from srprov.codes import Code
-from srprov.definitions.model import Host
+from srprov.definitions.model import Host, Inventory
 from srprov.definitions.script import is_program
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.regular_file import WHOLE, variables_beside
@@ -95,6 +98,21 @@ def check_no_command(paths: Collection[str], hosts: Iterable[Host]) -> None:
             raise _refused(
                 recorded, message, "name your own inventory; or copy this one to another folder, if you trust it"
             )
+
+
+def trusting_no_new_key(paths: Collection[str], found: Inventory) -> Inventory:
+    """Return an inventory that has no new host key accepted by the word of a record: it may be a stranger's.
+
+    Robots of a run are known where it ran.
+    """
+    if not any(map(_recorded, paths)):
+        return found
+    hosts = {name: replace(one, ssh_options=tuple(map(_strict, one.ssh_options))) for name, one in found.hosts.items()}
+    return replace(found, hosts=MappingProxyType(hosts))
+
+
+def _strict(option: tuple[str, str]) -> tuple[str, str]:
+    return (option[0], "yes") if option[0] == "stricthostkeychecking" else option
 
 
 def _recorded(path: str) -> str:

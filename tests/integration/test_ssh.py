@@ -336,6 +336,16 @@ def test_accept_new_writes_the_key_down_and_refuses_another_one(server: Sshd, tm
         connect(server.host(ssh_options=nowhere), options=quick())
 
 
+def test_no_inventory_has_a_key_written_where_it_lets_somebody_log_in(server: Sshd, tmp_path: Path) -> None:
+    """Whoever wrote it has that key: `pty` is a host's name there, and an option in a file of authorized keys."""
+    keys = tmp_path / "authorized_keys"
+    keys.write_text(before := "# mine\n")
+    options = [("userknownhostsfile", str(keys)), ("stricthostkeychecking", "accept-new"), ("hostkeyalias", "pty")]
+    with pytest.raises(HostKeyError, match="it is not written to"):
+        connect(server.host(ssh_options=tuple(options)), options=quick())
+    assert keys.read_text() == before
+
+
 # --- logging in -----------------------------------------------------------------------------------------------------
 
 

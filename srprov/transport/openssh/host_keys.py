@@ -24,6 +24,7 @@ import msgspec
 from srprov import regular_file
 from srprov.codes import Code
 from srprov.errors import HostKeyError
+from srprov.transport.openssh.key_file import place
 from srprov.transport.openssh.settings import SshSettings
 from srprov.wire import sh
 
@@ -168,7 +169,7 @@ def check(settings: SshSettings, known: Sequence[KnownKey], kind: str, blob: byt
     if plain:
         raise _changed(settings, next((k for k in plain if k.kind == kind), plain[0]), kind, blob)
     # accept-new without a place to remember the key would accept any key, every time.
-    if not settings.accept_new or settings.known_hosts[:1] in ((), (os.devnull,)):
+    if not settings.accept_new or place(settings)[0] == os.devnull:
         raise _unknown(settings, kind, blob, any(k.marker == "@cert-authority" for k in known))
     _append(settings, kind, blob)
 
@@ -190,7 +191,7 @@ def _changed(settings: SshSettings, old: KnownKey, kind: str, blob: bytes) -> Ho
 
 def _unknown(settings: SshSettings, kind: str, blob: bytes, authority: bool) -> HostKeyError:
     """Say that nothing is on record for a robot, and how to put it there."""
-    target = next(iter(settings.known_hosts), os.devnull)
+    target, unfit = place(settings)
     if settings.proxy_jump or settings.proxy_command or settings.host_key_alias:
         name, bare = names_of(settings)
         # where ssh knows the key by the bare name, it would ask nothing and write nothing
@@ -201,7 +202,7 @@ def _unknown(settings: SshSettings, kind: str, blob: bytes, authority: bool) -> 
         how = f"{sh('ssh-keyscan', *port, '-t', _short(kind), settings.hostname)} >> {sh(target)}"
     if target == os.devnull:
         how = f"name a file (-o UserKnownHostsFile=…) in the inventory; then {how.replace(os.devnull, 'that file')}"
-    notes = ""
+    notes = f" ({unfit})" if unfit else ""
     if settings.asked_for_no:
         notes += " (StrictHostKeyChecking=no is not done here; accept-new is)"
     if authority:

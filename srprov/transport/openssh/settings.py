@@ -41,3 +41,8 @@ class SshSettings:
     """The file that was read instead of the usual ones; jump hosts are looked up there too."""
     inherited: tuple[tuple[str, str], ...] = field(default=(), repr=False)
     """The options that a jump host on the way takes over: where its host key may be found."""
+
+    @property
+    def known_hosts_named(self) -> bool:
+        """Tell whether the inventory says which files of host keys count, and not the user's own ssh_config."""
+        return any(key == "userknownhostsfile" for key, _ in self.inherited)

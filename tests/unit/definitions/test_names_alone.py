@@ -12,6 +12,7 @@ from srprov.errors import DefinitionError
 from srprov.lab.inventory import as_text
 from srprov.lab.places import Site
 from srprov.lab.spec import Robot
+from srprov.transport.openssh.resolve import resolve
 
 PROGRAM = 'ansible_ssh_common_args: -o ProxyCommand="sh -c id"\n'
 
@@ -165,3 +166,17 @@ def test_the_inventory_of_a_record_names_no_command(project: Path, command: str)
         assert "is the inventory of a record, and 'r1' has a ProxyCommand" in refused.value.problems[0].message
     recorded.write_text(recorded.read_text().replace(command, "***"))
     assert load_inventory([recorded]).hosts["r1"].ssh_options == (("proxycommand", "***"),)
+
+
+def test_the_inventory_of_a_record_has_no_new_host_key_accepted(project: Path) -> None:
+    """It could name any file of the user's for it, and any host; robots of a run are known where it ran."""
+    recorded = project / "run" / "inputs" / "inventory.yml"
+    recorded.parent.mkdir(parents=True)
+    options = "-o UserKnownHostsFile=~/.ssh/authorized_keys -o StrictHostKeyChecking=accept-new"
+    recorded.write_text(f"all: {{hosts: {{r1: {{ansible_ssh_common_args: '{options}'}}, r2: }}}}\n")
+    for paths in (["run/inputs/inventory.yml"], ["r3,", str(recorded)]):
+        hosts = load_inventory(paths).hosts
+        assert not resolve(hosts["r1"], ssh_config=Path("/dev/null")).accept_new and not hosts["r2"].ssh_options
+    copied = project / "mine.yml"
+    copied.write_text(recorded.read_text())
+    assert resolve(load_inventory([copied]).hosts["r1"], ssh_config=Path("/dev/null")).accept_new

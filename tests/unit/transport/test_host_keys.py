@@ -12,6 +12,7 @@ from srprov.transport.openssh import host_keys
 from srprov.transport.openssh.host_keys import check, fingerprint, known_keys, matches, names_of
 from srprov.transport.openssh.settings import SshSettings
 
+NAMED = (("userknownhostsfile", "by the inventory"),)
 BLOB, OTHER = b"\0\0\0\x0bssh-ed25519one", b"\0\0\0\x0bssh-ed25519two"
 
 
@@ -131,6 +132,29 @@ def test_a_name_that_known_hosts_would_read_as_others_is_hashed(tmp_path: Path, 
     check(settings(file, accept_new=True, hostname=name), [], "ssh-ed25519", BLOB)
     assert file.read_text().startswith("|1|") and not known_keys([str(file)], "robot1", None)
     assert known_keys([str(file)], name, None)
+
+
+@pytest.mark.parametrize("name", ["authorized_keys", ".bashrc", "linked/known_hosts", "twice/known_hosts", "null"])
+def test_an_inventory_has_a_key_written_to_no_file_but_one_of_host_keys(tmp_path: Path, name: str) -> None:
+    """In `authorized_keys`, `pty ssh-ed25519 …` lets whoever has that key log in; and a link may lead there."""
+    kept = tmp_path / "authorized_keys"
+    kept.write_text("ssh-ed25519 AAAA me\n")
+    for folder in ("linked", "twice"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "linked/known_hosts").symlink_to("../authorized_keys")
+    (tmp_path / "twice/known_hosts").hardlink_to(kept)
+    (tmp_path / "null").symlink_to("/dev/null")
+    file = tmp_path / name
+    with pytest.raises(HostKeyError) as caught:
+        check(settings(file, accept_new=True, inherited=NAMED, hostname="pty"), [], "ssh-ed25519", BLOB)
+    assert "it is not written to" in caught.value.message and f">> {file}" not in caught.value.hint
+    assert kept.read_text() == "ssh-ed25519 AAAA me\n" and not (tmp_path / ".bashrc").exists()
+
+
+@pytest.mark.parametrize("name", ["known_hosts", "lab-known_hosts", "new/known_hosts2", "KnownHosts.lab"])
+def test_an_inventory_has_a_key_written_to_a_file_of_host_keys(tmp_path: Path, name: str) -> None:
+    check(settings(tmp_path / name, accept_new=True, inherited=NAMED), [], "ssh-ed25519", BLOB)
+    assert (tmp_path / name).read_text() == f"bot.lan ssh-ed25519 {b64(BLOB)}\n"
 
 
 def test_fingerprint_is_openssh_s() -> None:
