@@ -15,12 +15,13 @@ from srprov.codes import Code
 from srprov.errors import Diagnostic
 from srprov.importing.compose import consistency, envfiles, finish, notes
 from srprov.importing.compose.loading import File, Loading
+from srprov.importing.compose.origins import Origin
 from srprov.importing.compose.printing import printed
 from srprov.importing.compose.project import load
 from srprov.importing.compose.service_env import with_env_files
 from srprov.importing.compose.source import Reading
 from srprov.importing.compose.values import Value, places, plain
-from srprov.importing.compose.variables import Origin, Variables
+from srprov.importing.compose.variables import Variables
 from srprov.importing.normal import Normal, Refused
 from srprov.importing.position import Position
 from srprov.yamldoc.allowance import allowance
@@ -46,7 +47,7 @@ def normalise(
         files: Compose files, at least one; later ones override earlier ones. Relative paths in all of them begin at
             the folder of the first.
         profiles: Names of the profiles that are on; `*` is all of them.
-        env_files: Files with variables; without any, `.env` beside the first file.
+        env_files: Files with variables; without any, `.env` beside the first file, for what lies there.
         settings: Variables of the command line; they win over those of files.
         project: The project's name; without it, `COMPOSE_PROJECT_NAME` of the variables, `name:` of the files, or the
             name of the first file's folder.
@@ -72,9 +73,11 @@ def _normalise(
     project: str | None,
 ) -> Normal:
     folder = os.path.dirname(os.path.realpath(files[0].path))
-    variables = Variables({name: Origin(value, "--set") for name, value in settings.items()})
+    given = {name: Origin(value, "--set") for name, value in settings.items()}
+    variables = Variables(given, nearest=reading.nearest)
     named = [File(str(path), str(path)) for path in env_files] or _own_env_file(folder, files[0])
-    variables = variables.beside(envfiles.variables(named, reading, variables))
+    # nobody named `.env`: of several files one may be a stranger's, and so may what lies beside it
+    variables = variables.beside(envfiles.variables(named, reading, variables, "" if env_files else folder))
     name = _project_name(project, files, reading, variables)
     variables = variables.beside({"COMPOSE_PROJECT_NAME": Origin(name, "project")})
     loading = Loading(reading, variables, folder, list(notes.of_command(files, folder)))

@@ -9,14 +9,17 @@ from srprov.codes import Code
 from srprov.errors import Diagnostic
 from srprov.importing.compose import dotenv
 from srprov.importing.compose.loading import File
+from srprov.importing.compose.origins import Origin
 from srprov.importing.compose.source import Reading
-from srprov.importing.compose.variables import Origin, Variables
+from srprov.importing.compose.variables import Variables
 from srprov.importing.normal import Refused
 from srprov.importing.position import Position
 
 
-def variables(files: Sequence[File], reading: Reading, known: Variables) -> dict[str, Origin]:
+def variables(files: Sequence[File], reading: Reading, known: Variables, home: str = "") -> dict[str, Origin]:
     """Return what files of variables say; of names that several give, the last counts.
+
+    `home` is the folder whose files alone they are for; without it, they are for all.
 
     Raises:
         Refused: A file cannot be read, is none of variables, or asks for a variable that has no value.
@@ -25,7 +28,7 @@ def variables(files: Sequence[File], reading: Reading, known: Variables) -> dict
     for file in files:
         text = reading.variables(file.path, file.shown, file.named)
         found |= {
-            name: Origin(value, file.shown) for name, (value, _) in values(text, file.shown, known, found).items()
+            name: Origin(value, file.shown, home) for name, (value, _) in values(text, file.shown, known, found).items()
         }
     if known.problems:
         raise Refused(known.problems)
@@ -43,7 +46,7 @@ def values(
     scope = known.beside(ChainMap(own, dict(found or {})))
 
     def lookup(name: str, at: Position) -> str | None:
-        origin = scope.worth.get(name)
+        origin = scope.known(name, at)
         known.record(name, origin.source if origin else "unset", origin.value if origin else "", at)
         return origin.value if origin else None
 

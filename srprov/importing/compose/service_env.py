@@ -9,8 +9,9 @@ from srprov.codes import Code
 from srprov.errors import Diagnostic
 from srprov.importing.compose import envfiles, finish
 from srprov.importing.compose.loading import File, Loading
+from srprov.importing.compose.origins import Origin
 from srprov.importing.compose.values import Value
-from srprov.importing.compose.variables import Origin, Variables
+from srprov.importing.compose.variables import Variables
 from srprov.importing.normal import Refused
 
 

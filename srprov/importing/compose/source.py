@@ -62,6 +62,10 @@ class Reading:
             raise Refused([Diagnostic(named.at, message, hint="copy it into that folder", code=Code.OUTSIDE)])
         return real
 
+    def nearest(self, shown: str) -> list[str]:
+        """Return the nearest folder of a named file around each file that was read under a name."""
+        return nearest(self.roots, self.sources.get(shown, ()))
+
     def note_secrets(self, tree: Value, folders: Collection[str]) -> None:
         """Note what a file calls secrets' files, wherever its relative paths may begin."""
         given = tree.get("secrets")
@@ -129,12 +133,17 @@ class Reading:
         return self.trees[path, shown]
 
 
+def nearest(roots: Sequence[str], files: Collection[str]) -> list[str]:
+    """Return, of the folders in which files were named, the nearest around each of some files. Real paths."""
+    return [max((one for one in roots if inside(file, one)), key=len, default="") for file in files]
+
+
 def open_to(roots: Sequence[str], files: Collection[str]) -> list[str]:
     """Return the folders of which files may name others: the nearest around each of them, and below. Real paths.
 
     One of several files may be a stranger's. What lies beside another one, also further up, is then the user's.
     """
-    near = [max((one for one in roots if inside(file, one)), key=len, default="") for file in files]
+    near = nearest(roots, files)
     return [one for one in roots if near and all(each and inside(one, each) for each in near)]
 
 

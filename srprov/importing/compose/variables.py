@@ -7,13 +7,12 @@ taken from the environment of this process. What Compose would take from there i
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
-
-import msgspec
 
 from srprov.codes import Code
 from srprov.errors import Diagnostic
+from srprov.importing.compose.origins import Both, Origin, not_for
 from srprov.importing.normal import Refused, Variable
 from srprov.importing.position import Position
 
@@ -32,13 +31,6 @@ MOST_LOOKED_AT = 1024 * 1024 * 1024
 """Characters, of all texts of a project together: what follows a variable is looked at once more for each."""
 
 
-class Origin(msgspec.Struct, frozen=True):
-    """A variable's value, and where it comes from: `--set` or the name of a file."""
-
-    value: str
-    source: str
-
-
 @dataclass
 class Variables:
     """What variables are worth, and which were asked for."""
@@ -48,10 +40,20 @@ class Variables:
     problems: list[Diagnostic] = field(default_factory=list)
     size: list[int] = field(default_factory=lambda: [0, 0])
     """How much text there is by now, and was looked at; one list for all that read one project."""
+    nearest: Callable[[str], Collection[str]] = lambda _: ()
+    """Returns the nearest folder, of those that files were named in, of what was read under a name."""
 
     def beside(self, more: Mapping[str, Origin]) -> Variables:
         """Return variables that know more names, for an included project; what is asked for is recorded here too."""
-        return Variables(_Both(self.worth, more), self.used, self.problems, self.size)
+        return Variables(Both(self.worth, more), self.used, self.problems, self.size, self.nearest)
+
+    def known(self, name: str, at: Position) -> Origin | None:
+        """Return what a variable is worth to a file; one that is for others has no value, which is a problem."""
+        found = self.worth.get(name)
+        if found is None or found.is_for(self.nearest(at.file) if found.home else ()):
+            return found
+        self.problems.append(not_for(name, found.source, at))
+        return Origin("", found.source)
 
     def put_in(self, text: str, at: Position) -> str:
         """Return a text with its variables put in; what is wrong is added to `problems`.
@@ -107,23 +109,6 @@ class Variables:
                 ]
             )
         self.used.append(Variable(name, source, value, at))
-
-
-class _Both(Mapping[str, Origin]):
-    """Two maps as one; the first wins. The second may still grow."""
-
-    def __init__(self, first: Mapping[str, Origin], second: Mapping[str, Origin]) -> None:
-        self.first = first
-        self.second = second
-
-    def __getitem__(self, name: str) -> Origin:
-        return self.first[name] if name in self.first else self.second[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter({*self.first, *self.second})
-
-    def __len__(self) -> int:
-        return len({*self.first, *self.second})
 
 
 class _Text:
@@ -182,7 +167,7 @@ class _Text:
         return ""
 
     def _plain(self, name: str) -> str:
-        known = self.variables.worth.get(name)
+        known = self.variables.known(name, self.at)
         if known is None:
             self.variables.record(name, "unset", "", self.at)
             message = f"the variable {name} has no value; nothing is taken from this machine's environment"
@@ -197,7 +182,7 @@ class _Text:
         return known.value
 
     def _signed(self, name: str, sign: str, word: str, depth: int) -> str:
-        known = self.variables.worth.get(name)
+        known = self.variables.known(name, self.at)
         usable = known is not None and (bool(known.value) or not sign.startswith(":"))
         word = self.put_in(word, depth + 1)
         if sign.endswith("+"):

@@ -234,3 +234,53 @@ def test_a_file_names_what_lies_beside_itself(together: Path) -> None:
     assert run(["import", "compose", "stranger/compose.yml", "lab/mine.yml", "-o", "new"]) == 0
     assert Path("new/files/lab/notes.txt").read_text() == CANARY
     assert Path("new/files/stranger/map.yaml").read_text() == "a map"
+
+
+ASKING = ("{A: '${A}'}", "{A: '${A:-none}'}", "{A: '${A:+some}'}", "[A]", "{A: }")
+
+
+@pytest.mark.parametrize("environment", ASKING)
+def test_what_stands_beside_the_users_own_file_is_worth_nothing_to_another_one(
+    together: Path, capsys: pytest.CaptureFixture[str], environment: str
+) -> None:
+    """Nobody names `.env`: it is read for the first file, and a stranger's that is laid over it asks for a password."""
+    Path("lab/.env").write_text(f"A={CANARY}\n")
+    (together / "compose.yml").write_text(f"services: {{b: {{image: x, environment: {environment}}}}}\n")
+    for files in (["lab/base.yml", "stranger/compose.yml"], ["lab/base.yml", "lab/../stranger/compose.yml"]):
+        assert run(["import", "compose", *files, "-o", "new"]) == 5
+        said = capsys.readouterr()
+        assert not Path("new").exists() and CANARY not in said.out + said.err
+        assert "stranger/compose.yml:1" in said.err and "is of lab/.env, beside which this file does not" in said.err
+    (together / "compose.yml").write_text("services: {b: {image: x, env_file: ../stranger/b.env}}\n")
+    (together / "b.env").write_text("B=${A}\nA\n")
+    assert run(["import", "compose", "lab/base.yml", "stranger/compose.yml", "-o", "new"]) == 5
+    assert CANARY not in capsys.readouterr().err and not Path("new").exists()
+
+
+def test_what_stands_beside_a_strangers_file_says_nothing_of_what_the_user_names(
+    together: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """His own file, laid over it, ships one of his folders; the stranger's `.env` says that it is all of them."""
+    (together / "compose.yml").write_text("services: {a: {image: '${IMAGE}'}}\n")
+    (together / ".env").write_text("IMAGE=x\nMAPS=../lab\n")
+    Path("lab/maps").mkdir()
+    Path("lab/maps/hall").write_text("a map")
+    Path("lab/mine.yml").write_text("services: {a: {volumes: ['${MAPS:-../lab/maps}:/m:ro']}}\n")
+    files = ["stranger/compose.yml", "lab/mine.yml"]
+    assert run(["import", "compose", *files, "-o", "new"]) == 5
+    said = capsys.readouterr().err
+    assert "lab/mine.yml:1" in said and "--env-file stranger/.env" in said and not Path("new").exists()
+    assert run(["import", "compose", *files, "--set", "MAPS=../lab/maps", "-o", "new"]) == 0, capsys.readouterr().err
+    assert Path("new/files/lab/maps/hall").exists() and not Path("new/files/lab/notes.txt").exists()
+
+
+def test_a_file_of_variables_that_is_named_is_for_all_files(together: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """So is `.env` for what lies below it, where no file was named in a folder further down."""
+    Path("lab/.env").write_text("A=1\n")
+    Path("lab/base.yml").write_text("services: {a: {image: 'x:${A}'}}\ninclude: [own/more.yml]\n")
+    Path("lab/own/more.yml").write_text("services: {c: {image: 'x:${A}'}}\n")
+    (together / "compose.yml").write_text("services: {b: {image: 'x:${A}'}}\n")
+    assert run(["import", "compose", "lab/base.yml", "-o", "one"]) == 0, capsys.readouterr().err
+    files = ["lab/base.yml", "stranger/compose.yml"]
+    assert run(["import", "compose", *files, "--env-file", "lab/.env", "-o", "two"]) == 0, capsys.readouterr().err
+    assert Path("two/experiment.edf").read_text().count("x:1") == 3
