@@ -61,7 +61,9 @@ def draft(wanted: Wanted) -> Draft:
     )
     some_profiles = bool(wanted.profiles) and "*" not in wanted.profiles
     choices = Choices(home=wanted.home, chosen_profiles=some_profiles, own=wanted.own)
-    return convert(machines, instance_name(name), choices, os.path.abspath(wanted.folder), network)
+    made = convert(machines, instance_name(name), choices, os.path.abspath(wanted.folder), network)
+    homes = (home for one in every for some in (one.homes or {}).values() for home in some)
+    return replace(made, homes=frozenset(homes))
 
 
 def _machine(files: Sequence[str], robot: str, wanted: Wanted) -> Machine:

@@ -43,6 +43,8 @@ class Draft(msgspec.Struct, frozen=True):
     notes: tuple[Note, ...]
     origins: Mapping[str, tuple[Notes, Path]]
     """Service of the EDF -> where it comes from."""
+    homes: frozenset[str] = frozenset()
+    """Real paths of the folders of which the files may name others."""
 
     @property
     def refused(self) -> tuple[Finding, ...]:

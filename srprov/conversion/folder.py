@@ -96,7 +96,7 @@ def _has_profiles(draft: Draft) -> bool:
 
 def _fill(draft: Draft, place: str, passed_over: tuple[str, ...], files: Sequence[str]) -> None:
     tree = Tree(place)
-    folders = {os.path.dirname(os.path.realpath(one)) for one in files}
+    folders = {*draft.homes, *(os.path.dirname(os.path.realpath(one)) for one in files)}
     copying = _Copying(tree, draft.withheld, passed_over, folders)
     for below, source in sorted(draft.copies.items()):
         try:
@@ -129,7 +129,7 @@ class _Copying:
         self.known = regular_file.identities(withheld)
         self.passed_over = passed_over
         self.folders = folders
-        """Of the files that are imported."""
+        """Of the files that are imported, and of those that they include."""
         self.names = functools.cache(names_in)
         self.bytes = 0
         self.files = 0

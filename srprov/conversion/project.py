@@ -117,9 +117,9 @@ class Project:
         Empty when it lies outside of the folders of which the file that says so may name others, or in what version
         control keeps there, such as tokens.
         """
-        real, folders, sources = os.path.realpath(self.path(source)), self.machine.folders, self.notes.normal.sources
-        if sources is not None:
-            folders = tuple(open_to(folders, sources.get(self.notes.normal.position_of(at).file, ())))
+        real, folders, homes = os.path.realpath(self.path(source)), self.machine.folders, self.notes.normal.homes
+        if homes is not None:
+            folders = tuple(open_to(folders, homes.get(self.notes.normal.position_of(at).file, ())))
         if not any(belongs(real, one) for one in folders):
             return ""
         below = os.path.relpath(real, self.base)

@@ -59,8 +59,10 @@ class Normal(msgspec.Struct, frozen=True):
     """Real paths of what any of the files calls a secret's file, also one that nothing in the document uses."""
     named_files: tuple[Named, ...] = ()
     """What was read for its variables, or as a Compose file; not what the user himself named."""
-    sources: Mapping[str, frozenset[str]] | None = None
-    """What a file is called in positions -> its real path; None where each may name what lies beside any of them."""
+    homes: Mapping[str, frozenset[str]] | None = None
+    """What a file is called in positions -> real paths of the folders of which it may name files, those in each of
+    them; None where each may name what lies beside any of them.
+    """
 
     def position_of(self, path: Path) -> Position:
         """Return where a value was written, or the nearest value around it."""

@@ -99,8 +99,10 @@ def _result(tree: Value, loading: Loading) -> Normal:
     told = tuple(dict.fromkeys(said))
     reading = loading.reading
     named = tuple(dict.fromkeys(reading.named))
-    sources = {shown: frozenset(real) for shown, real in reading.sources.items()}
-    return Normal(plain(tree), dict(places(tree)), tuple(used), told, frozenset(reading.secrets), named, sources)
+    homes = {
+        shown: frozenset(reading.near(shown)) for shown, real in reading.sources.items() if real & reading.homes.keys()
+    }
+    return Normal(plain(tree), dict(places(tree)), tuple(used), told, frozenset(reading.secrets), named, homes)
 
 
 def _own_env_file(folder: str, first: File) -> list[File]:

@@ -81,6 +81,8 @@ def _project(wish: Value, number: int, file: File, loading: Loading, load: Load)
     if given is not None and isinstance(given.data, str):
         folder = os.path.join(loading.folder, given.data)
         loading.reading.inside(folder, given)
+        for one in files:
+            loading.reading.has_home(one.path, folder)
     folder = os.path.normpath(folder)
     variables = _variables(wish, folder, file, loading)
     tree = load(files, loading.within(folder, variables))

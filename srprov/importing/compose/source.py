@@ -37,6 +37,8 @@ class Reading:
     count: int = 0
     sources: dict[str, set[str]] = field(default_factory=dict)
     """What a file is called in positions -> the real paths of what was read under that name."""
+    homes: dict[str, set[str]] = field(default_factory=dict)
+    """Real path of a Compose file -> those of the folders of which it may name files: its own, or a project's."""
     texts: dict[str, str] = field(default_factory=dict)
     """What was read, by its real path."""
     trees: dict[tuple[str, str], Value] = field(default_factory=dict)
@@ -56,11 +58,20 @@ class Reading:
             Refused: It does not.
         """
         real = os.path.realpath(path)
-        if not any(belongs(real, root) for root in open_to(self.roots, self.sources.get(named.at.file, ()))):
+        if not any(belongs(real, root) for root in open_to(self.roots, self.near(named.at.file))):
             where = "outside of the folder of the file that says so, in .git or the like"
             message = f"'{named.data}' lies {where}, or elsewhere by another name (a hard link), and is not read"
             raise Refused([Diagnostic(named.at, message, hint="copy it into that folder", code=Code.OUTSIDE)])
         return real
+
+    def near(self, shown: str) -> set[str]:
+        """Return the folders of which a file may name others, as each that was read under a name has them."""
+        files = self.sources.get(shown, ())
+        return {home for file in files for home in self.homes.get(file, {os.path.dirname(file)})}
+
+    def has_home(self, path: str, folder: str) -> None:
+        """Note the folder of which a Compose file may name files, which who includes it may name."""
+        self.homes.setdefault(os.path.realpath(path), set()).add(os.path.realpath(folder))
 
     def nearest(self, shown: str) -> list[str]:
         """Return the nearest folder of a named file around each file that was read under a name."""
@@ -129,6 +140,8 @@ class Reading:
             Refused: It cannot be read, is no YAML, too large, empty, no map, or has keys that are no text.
         """
         if (path, shown) not in self.trees:
+            if os.path.realpath(path) not in self.homes:
+                self.has_home(path, os.path.dirname(os.path.realpath(path)))
             self.trees[path, shown] = _tree(self.text(path, shown, named), shown, self.written)
         return self.trees[path, shown]
 
@@ -138,13 +151,14 @@ def nearest(roots: Sequence[str], files: Collection[str]) -> list[str]:
     return [max((one for one in roots if inside(file, one)), key=len, default="") for file in files]
 
 
-def open_to(roots: Sequence[str], files: Collection[str]) -> list[str]:
-    """Return the folders of which files may name others: the nearest around each of them, and below. Real paths.
+def open_to(roots: Sequence[str], near: Collection[str]) -> list[str]:
+    """Return the folders of which a file may name others: those in each that is `near` it, and in one of `roots`.
 
-    One of several files may be a stranger's. What lies beside another one, also further up, is then the user's.
+    One of several files may be a stranger's, whether the user named it or has it included by his own. What lies beside
+    another one, also further up, is then the user's. Real paths.
     """
-    near = nearest(roots, files)
-    return [one for one in roots if near and all(each and inside(one, each) for each in near)]
+    own = [one if any(inside(one, root) for root in roots) else "" for one in near]
+    return [one for one in dict.fromkeys((*roots, *own)) if own and all(each and inside(one, each) for each in own)]
 
 
 def _at(error: DefinitionError, named: Value | None) -> Refused:

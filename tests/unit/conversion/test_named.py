@@ -284,3 +284,50 @@ def test_a_file_of_variables_that_is_named_is_for_all_files(together: Path, caps
     files = ["lab/base.yml", "stranger/compose.yml"]
     assert run(["import", "compose", *files, "--env-file", "lab/.env", "-o", "two"]) == 0, capsys.readouterr().err
     assert Path("two/experiment.edf").read_text().count("x:1") == 3
+
+
+@pytest.mark.parametrize("text", NAMES)
+def test_a_file_that_is_included_names_nothing_further_up(
+    together: Path, capsys: pytest.CaptureFixture[str], text: str
+) -> None:
+    """The user's own file includes a stranger's, as a submodule has it: that is no word on what lies beside his own."""
+    (together / "compose.yml").write_text(f"{text}\n")
+    (together / "more.yml").write_text("services: {a: {image: '${A:-x}'}}\n")
+    Path("mine.yml").write_text("services: {own: {image: x}}\ninclude: [stranger/compose.yml]\n")
+    assert run(["import", "compose", "mine.yml", "-o", "new"]) == 5
+    said = capsys.readouterr()
+    assert not Path("new").exists() and CANARY not in said.out + said.err and "lies outside" in said.out + said.err
+
+
+@pytest.mark.parametrize("text", [NAMES[0], NAMES[1], NAMES[3], NAMES[6], NAMES[8]])
+def test_a_service_that_is_extended_has_nothing_from_further_up(
+    together: Path, capsys: pytest.CaptureFixture[str], text: str
+) -> None:
+    (together / "compose.yml").write_text(f"{text}\n")
+    Path("mine.yml").write_text("services: {own: {extends: {file: stranger/compose.yml, service: a}}}\n")
+    assert run(["import", "compose", "mine.yml", "-o", "new"]) == 5
+    said = capsys.readouterr()
+    assert not Path("new").exists() and CANARY not in said.out + said.err and "lies outside" in said.out + said.err
+
+
+def test_who_includes_a_file_says_where_its_project_is(together: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Then it may name what lies there, and no file that is included may say so of itself."""
+    (together / "compose.yml").write_text("services: {a: {image: x, volumes: ['./lab/own:/n:ro']}}\n")
+    Path("mine.yml").write_text("include: [{path: stranger/compose.yml, project_directory: .}]\n")
+    assert run(["import", "compose", "mine.yml", "-o", "new"]) == 0, capsys.readouterr().err
+    assert Path("new/files/lab/own/file").read_text() == CANARY
+    (together / "on.yml").write_text("include: [{path: compose.yml, project_directory: ..}]\n")
+    Path("mine.yml").write_text("include: [stranger/on.yml]\n")
+    assert run(["import", "compose", "mine.yml", "-o", "other"]) == 5
+    assert "'..' lies outside" in capsys.readouterr().err
+
+
+def test_no_second_name_of_a_file_of_the_users_is_in_what_an_included_file_mounts(
+    together: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (together / "maps").mkdir()
+    (together / "maps" / "floor").hardlink_to("lab/notes.txt")
+    (together / "compose.yml").write_text("services: {a: {image: x, volumes: ['./maps:/m:ro']}}\n")
+    Path("mine.yml").write_text("services: {own: {image: x}}\ninclude: [stranger/compose.yml]\n")
+    assert run(["import", "compose", "mine.yml", "-o", "new"]) != 0
+    assert "hard link" in capsys.readouterr().err and not Path("new").exists()
