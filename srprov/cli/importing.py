@@ -77,9 +77,13 @@ def importing() -> None:
     "--home", default="robot", show_default=True, metavar="USER", callback=_home,
     help="User of the robots whose home ~ in the files is.",
 )  # fmt: skip
+@click.option(
+    "--root", metavar="DIR", type=click.Path(exists=True, file_okay=False),
+    help="Folder of the whole project: all files in it may name what lies there. Default: each what lies beside it.",
+)  # fmt: skip
 def compose(
     files: tuple[str, ...], settings: dict[str, str], name: str, strict: bool, form: str, target: str,
-    profiles: tuple[str, ...], env_files: tuple[str, ...], robot_map: str, home: str,
+    profiles: tuple[str, ...], env_files: tuple[str, ...], robot_map: str, home: str, root: str | None,
 ) -> int:  # fmt: skip
     """Make an experiment of Docker Compose files, and say what became of each key that it does not keep as it is.
 
@@ -91,7 +95,7 @@ def compose(
 
     wanted = Wanted(
         files=files, folder=target, profiles=profiles, env_files=env_files, settings=settings, robot_map=robot_map,
-        name=name, home=home, own=secret_files.known(),
+        name=name, home=home, root=root or "", own=secret_files.known(),
     )  # fmt: skip
     return _shown(lambda: draft(wanted), files, target, form, strict=strict)
 

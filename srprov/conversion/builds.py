@@ -67,8 +67,10 @@ def _context_place(context: str, project: Project, path: Path) -> str:
     place = project.place(context, path)
     if place and os.path.isdir(project.path(context)):
         return place
-    what = "lies outside of the folder of the file that says so" if not place else "is no folder"
-    project.notes.refused(path, f"'{context[:80]}' {what}", "copy it beside the Compose file")
+    what, hint = "lies outside of the folder of the file that says so", project.elsewhere
+    if place:
+        what, hint = "is no folder", "copy it beside the Compose file"
+    project.notes.refused(path, f"'{context[:80]}' {what}", hint)
     return ""
 
 
@@ -87,7 +89,7 @@ def _text(
     place = project.take(source, (*path, "dockerfile"))
     if not place:
         why = f"'{named[:80]}' lies outside of the folder of the file that says so"
-        project.notes.refused((*path, "dockerfile"), why, "copy it there")
+        project.notes.refused((*path, "dockerfile"), why, project.elsewhere)
         return None
     found["dockerfile"] = os.path.relpath(place, found["context"])
     try:

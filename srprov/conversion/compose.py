@@ -15,7 +15,7 @@ from srprov.conversion.experiment import Draft, convert
 from srprov.conversion.project import Choices, Machine, instance_name
 from srprov.conversion.withheld import refuse_read
 from srprov.definitions.model import EXPORTED
-from srprov.importing.named import check_named
+from srprov.importing.named import check_named, check_root
 from srprov.importing.normal import Normal
 from srprov.importing.read import normalise
 
@@ -31,6 +31,8 @@ class Wanted(msgspec.Struct, frozen=True, kw_only=True):
     robot_map: str = ""
     name: str = ""
     home: str = "robot"
+    root: str = ""
+    """Folder of the whole project: what its files may name."""
     own: Collection[str] = ()
     """Real paths of files of the user's that no project has, wherever they lie: secrets were read from them."""
 
@@ -44,6 +46,8 @@ def draft(wanted: Wanted) -> Draft:
         DefinitionError: The map of robots is wrong.
     """
     check_named([*wanted.files, *wanted.env_files, *filter(None, [wanted.robot_map])])
+    if wanted.root:
+        check_root(wanted.root)
     grouped = robots.by_robot(wanted.robot_map, wanted.files) if wanted.robot_map else {"": list(wanted.files)}
     machines = [_machine(files, robot, wanted) for robot, files in grouped.items()]
     every = [one.normal for one in machines]
@@ -67,6 +71,7 @@ def draft(wanted: Wanted) -> Draft:
 
 
 def _machine(files: Sequence[str], robot: str, wanted: Wanted) -> Machine:
+    root = os.path.realpath(wanted.root) if wanted.root else ""
     normal: Normal = normalise(
         [FilePath(one) for one in files],
         profiles=tuple(wanted.profiles) or ("*",),
@@ -74,6 +79,7 @@ def _machine(files: Sequence[str], robot: str, wanted: Wanted) -> Machine:
         settings=dict(wanted.settings),
         project=wanted.name or None,
         own=wanted.own,
+        root=root,
     )
     folders = dict.fromkeys(os.path.dirname(os.path.realpath(one)) for one in files)
-    return Machine(normal, tuple(folders), robot)
+    return Machine(normal, (*folders, *filter(None, [root])), robot)

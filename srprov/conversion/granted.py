@@ -104,7 +104,9 @@ def _shipped(entry: Mapping[str, Any], name: str, path: Path, project: Project) 
         return ""
     place = project.place(source, (*path, "file"))
     if not place or not os.path.exists(project.path(source)):
-        what = "lies outside of the folder of the file that says so" if not place else "does not exist"
-        project.notes.refused((*path, "file"), f"'{source[:80]}' {what}")
+        what, hint = "lies outside of the folder of the file that says so", project.elsewhere
+        if place:
+            what, hint = "does not exist", ""
+        project.notes.refused((*path, "file"), f"'{source[:80]}' {what}", hint)
         return ""
     return project.take(source, (*path, "file"))

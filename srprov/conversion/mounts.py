@@ -138,8 +138,8 @@ def _bind(
     if source.startswith("/"):
         return _absolute(source, one, project, path)
     if not project.place(source, at):
-        hint = "copy it beside the Compose file: what lies elsewhere is not read"
-        project.notes.refused(path, f"'{source[:80]}' lies outside of the folder of the file that says so", hint)
+        why = f"'{source[:80]}' lies outside of the folder of the file that says so"
+        project.notes.refused(path, why, project.elsewhere)
         return None
     if one.get("read_only") or os.path.isfile(project.path(source)):
         return _shipped(source, one, project, path, at)

@@ -17,7 +17,7 @@ import msgspec
 from srprov import names
 from srprov.conversion.notes import Notes
 from srprov.definitions.paths import belongs
-from srprov.importing.compose.source import open_to
+from srprov.importing.compose.source import HINT, open_to
 from srprov.importing.normal import Normal
 from srprov.importing.position import Path
 
@@ -105,6 +105,11 @@ class Project:
     def path(self, written: str) -> str:
         """Return the absolute path of what is written relative to the project's folder."""
         return os.path.normpath(os.path.join(self.machine.folders[0], written))
+
+    @property
+    def elsewhere(self) -> str:
+        """The hint for what lies outside of the folder of the file that says so."""
+        return "copy it there" if self.notes.normal.homes is None else HINT
 
     @property
     def base(self) -> str:

@@ -19,6 +19,22 @@ from srprov.importing.normal import Refused
 from srprov.importing.position import Position
 
 
+def check_root(folder: str) -> None:
+    """Refuse a folder for a whole project that a link leads to elsewhere, or that is the user's home or holds it.
+
+    Raises:
+        Refused: It is one.
+    """
+    if homes_in(folder):
+        message, hint = "it is your home, or holds it", "put the project into a folder of its own"
+    elif link_out(folder):
+        message = "it leads out of the folder in which it is named"
+        hint = f"if you mean what it leads to, name that: {quote(os.path.realpath(folder))}"
+    else:
+        return
+    raise Refused([Diagnostic(Position(folder), message, hint=hint, code=Code.OUTSIDE)])
+
+
 def check_named(files: Sequence[str]) -> None:
     """Refuse files that links lead out of the folder in which they are named, or that lie in the user's home.
 

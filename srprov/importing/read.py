@@ -40,6 +40,7 @@ def normalise(
     settings: Mapping[str, str] | None = None,
     project: str | None = None,
     own: Collection[str] = (),
+    root: str = "",
 ) -> Normal:
     """Read a Compose project as Docker Compose would, but for the environment, which is never looked at.
 
@@ -52,6 +53,8 @@ def normalise(
         project: The project's name; without it, `COMPOSE_PROJECT_NAME` of the variables, `name:` of the files, or the
             name of the first file's folder.
         own: Real paths of files of the user's that are read for no file's sake.
+        root: Real path of the folder of the whole project, of which all files in it may name others; without it, each
+            names what lies in its own folder.
 
     Raises:
         Refused: With every problem that was found, each with its place.
@@ -60,7 +63,7 @@ def normalise(
         named = [File(str(file), str(file)) for file in files]
         roots = dict.fromkeys(os.path.dirname(os.path.realpath(file.path)) for file in named)
         sources = {file.shown: {os.path.realpath(file.path)} for file in named}
-        reading = Reading(tuple(roots), frozenset(own), sources=sources)
+        reading = Reading((*roots, *filter(None, [root])), root, frozenset(own), sources=sources)
         return _normalise(named, reading, profiles, env_files, settings or {}, project)
 
 
@@ -77,7 +80,9 @@ def _normalise(
     variables = Variables(given, nearest=reading.nearest)
     named = [File(str(path), str(path)) for path in env_files] or _own_env_file(folder, files[0])
     # nobody named `.env`: of several files one may be a stranger's, and so may what lies beside it
-    variables = variables.beside(envfiles.variables(named, reading, variables, "" if env_files else folder))
+    variables = variables.beside(
+        envfiles.variables(named, reading, variables, "" if env_files else reading.whole(folder))
+    )
     name = _project_name(project, files, reading, variables)
     variables = variables.beside({"COMPOSE_PROJECT_NAME": Origin(name, "project")})
     loading = Loading(reading, variables, folder, list(notes.of_command(files, folder)))

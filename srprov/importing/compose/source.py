@@ -23,6 +23,8 @@ from srprov.importing.position import Path, Position
 from srprov.yamldoc import loader, nodes
 
 MOST_FILES = 200
+HINT = "copy it there, or say which folder is the whole project's: --root DIR"
+"""Of what lies outside of the folder of the file that says so."""
 _KINDS = {bool: "a boolean", int: "a number", float: "a number", type(None): "nothing", Date: "a date"}
 
 
@@ -32,6 +34,8 @@ class Reading:
 
     roots: tuple[str, ...]
     """Real paths of the folders that the user's own files lie in."""
+    project: str = ""
+    """Real path of a folder of which all files in it may name others; the user says it."""
     own: frozenset[str] = frozenset()
     """Real paths of files that secrets were read from on this machine: their values are put into nothing else."""
     count: int = 0
@@ -61,13 +65,17 @@ class Reading:
         if not any(belongs(real, root) for root in open_to(self.roots, self.near(named.at.file))):
             where = "outside of the folder of the file that says so, in .git or the like"
             message = f"'{named.data}' lies {where}, or elsewhere by another name (a hard link), and is not read"
-            raise Refused([Diagnostic(named.at, message, hint="copy it into that folder", code=Code.OUTSIDE)])
+            raise Refused([Diagnostic(named.at, message, hint=HINT, code=Code.OUTSIDE)])
         return real
 
     def near(self, shown: str) -> set[str]:
         """Return the folders of which a file may name others, as each that was read under a name has them."""
         files = self.sources.get(shown, ())
-        return {home for file in files for home in self.homes.get(file, {os.path.dirname(file)})}
+        return {self.whole(home) for file in files for home in self.homes.get(file, {os.path.dirname(file)})}
+
+    def whole(self, folder: str) -> str:
+        """Return the folder that counts for one: the whole project's, where that was said and it is around it."""
+        return self.project if self.project and folder and inside(folder, self.project) else folder
 
     def has_home(self, path: str, folder: str) -> None:
         """Note the folder of which a Compose file may name files, which who includes it may name."""
@@ -75,7 +83,7 @@ class Reading:
 
     def nearest(self, shown: str) -> list[str]:
         """Return the nearest folder of a named file around each file that was read under a name."""
-        return nearest(self.roots, self.sources.get(shown, ()))
+        return [self.whole(one) for one in nearest(self.roots, self.sources.get(shown, ()))]
 
     def note_secrets(self, tree: Value, folders: Collection[str]) -> None:
         """Note what a file calls secrets' files, wherever its relative paths may begin."""

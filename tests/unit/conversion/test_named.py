@@ -331,3 +331,58 @@ def test_no_second_name_of_a_file_of_the_users_is_in_what_an_included_file_mount
     Path("mine.yml").write_text("services: {own: {image: x}}\ninclude: [stranger/compose.yml]\n")
     assert run(["import", "compose", "mine.yml", "-o", "new"]) != 0
     assert "hard link" in capsys.readouterr().err and not Path("new").exists()
+
+
+@pytest.fixture
+def ros_project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A project as ROS packages have it: Compose files in `docker`, what they build and mount beside that."""
+    project = tmp_path / "nav"
+    for name in ("docker", "src", "db", ".git"):
+        (project / name).mkdir(parents=True)
+    (project / "Dockerfile").write_text("FROM x\nCOPY src /src\n")
+    (project / "src" / "node.py").write_text("print()\n")
+    (project / "db" / "init.sql").write_text("select 1;\n")
+    (project / ".git" / "config").write_text("token\n")
+    (project / "docker" / ".env").write_text("TAG=7\n")
+    (project / "db" / "db.yml").write_text(
+        "services: {db: {image: 'x:${TAG}', volumes: ['../docker/conf:/c:ro', '../db/init.sql:/i.sql:ro']}}\n"
+    )
+    (project / "docker" / "conf").mkdir()
+    (project / "docker" / "compose.yml").write_text(
+        "include: [../db/db.yml]\n"
+        "services:\n  nav: {build: {context: .., dockerfile: Dockerfile}, volumes: ['../src:/s:ro']}\n"
+    )
+    monkeypatch.chdir(project)
+    return project
+
+
+@pytest.mark.usefixtures("ros_project")
+def test_the_folder_of_a_whole_project_is_named_by_the_user(capsys: pytest.CaptureFixture[str]) -> None:
+    """`docker/compose.yml` builds with `..`, as many projects do."""
+    assert run(["import", "compose", "docker/compose.yml", "-o", "new"]) == 5
+    assert "say which folder is the whole project's: --root DIR" in capsys.readouterr().err
+    assert run(["import", "compose", "docker/compose.yml", "--root", ".", "-o", "new"]) == 0, capsys.readouterr().err
+    made = {str(one.relative_to("new/files")) for one in Path("new/files").rglob("*") if one.is_file()}
+    assert {"Dockerfile", "src/node.py", "db/init.sql", "docker/.env"} <= made and not any(
+        ".git/" in one for one in made
+    )
+    assert "x:7" in Path("new/experiment.edf").read_text()
+
+
+def test_nothing_around_a_whole_project_is_named(ros_project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (ros_project.parent / "private.txt").write_text(CANARY)
+    Path("docker/compose.yml").write_text("services: {a: {image: x, volumes: ['../../private.txt:/p:ro']}}\n")
+    assert run(["import", "compose", "docker/compose.yml", "--root", ".", "-o", "new"]) == 5
+    assert "lies outside" in capsys.readouterr().out and not Path("new").exists()
+
+
+@pytest.mark.usefixtures("ros_project")
+def test_a_home_and_a_link_are_no_whole_project(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Path("up").symlink_to(tmp_path)
+    assert run(["import", "compose", "docker/compose.yml", "--root", "up", "-o", "new"]) == 5
+    assert "leads out of the folder" in capsys.readouterr().err
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert run(["import", "compose", "docker/compose.yml", "--root", "..", "-o", "new"]) == 5
+    assert "it is your home" in capsys.readouterr().err
