@@ -58,7 +58,7 @@ class Checker:
                 self._define(robot)
         self.robots = [self._served(robot) for robot in self.robots]
         if self._fault(experiment_of(name, self.robots, self.definitions)):
-            self._one_by_one(name)
+            self._together(name)
         whole = experiment_of(name, self.robots, self.definitions)
         self.end = math.inf
         if fault := self._fault(whole):
@@ -79,11 +79,14 @@ class Checker:
             one.values, _OF_CDF, lambda values: self._fault_of_cdf(one.file, values), subject, robot.notes
         )
         if fault := self._fault_of_cdf(one.file, values):
-            robot.notes.lost(subject, f"srprov refuses its definition: {fault}")
-            del self.definitions[robot.name]
-            (self.folder / one.file).unlink()
+            self._drop(robot, f"srprov refuses its definition: {fault}")
             return
         self.definitions[robot.name] = replace(one, values=values)
+
+    def _drop(self, robot: Robot, why: str) -> None:
+        """Leave the CDF of a robot's host out."""
+        robot.notes.lost(f"host {robot.name}", why)
+        (self.folder / self.definitions.pop(robot.name).file).unlink()
 
     def _served(self, robot: Robot) -> Robot:
         services = []
@@ -98,42 +101,48 @@ class Checker:
             services.append(dataclasses.replace(one, fields=fields, secrets=secrets))
         return replace(robot, services=tuple(services))
 
-    def _one_by_one(self, name: str) -> None:
-        """Keep the services that go together: of each robot by itself, and then all of a robot or none.
+    def _together(self, name: str) -> None:
+        """Keep the robots that go together, small ones first, each with all of its containers or with none.
 
-        Else a robot could have some of another one's left out, by as much as fills the experiment.
+        A robot may fill an experiment up to whatever is left for others: which of theirs fit then would be its word.
         """
-        for index, robot in enumerate(self.robots):
-            (self.robots[index],) = self._together(name, [robot], [(0, (one,)) for one in robot.services])
-        wholes = [(index, robot.services) for index, robot in enumerate(self.robots)]
-        self.robots = self._together(name, self.robots, wholes)
+        kept: dict[str, Robot] = {}
+        for robot in sorted(self.robots, key=self._size):
+            own = self._alone(name, robot)
+            if fault := self._fault(experiment_of(name, [*kept.values(), own], self.definitions)):
+                words = f"all are left out, as they do not go together with those of other robots: {fault}"
+                own.notes.lost("containers", f"{words}; look at this robot alone to have them")
+                own = replace(own, services=())
+                if robot.name in self.definitions and (
+                    fault := self._fault(experiment_of(name, [*kept.values(), own], self.definitions))
+                ):
+                    self._drop(robot, f"does not go together with other robots: {fault}")
+            kept[robot.name] = own
+        self.robots = [kept[robot.name] for robot in self.robots]
 
-    def _together(
-        self, name: str, robots: Sequence[Robot], groups: Sequence[tuple[int, tuple[Service, ...]]]
-    ) -> list[Robot]:
-        """Return robots with the groups of services that go together, each of which is of the robot at its number.
+    def _size(self, robot: Robot) -> int:
+        """Return how long what is written of a robot is."""
+        one = self.definitions.get(robot.name)
+        values = [{service.name: service.fields} for service in robot.services]
+        return sum(len(document(value, _HEAD)) for value in (*values, *([one.values] if one else [])))
+
+    def _alone(self, name: str, robot: Robot) -> Robot:
+        """Return a robot with those of its containers that go together, whatever others have.
 
         Halves are tried, so that few bad ones cost few tries.
         """
-        found = [replace(robot, services=()) for robot in robots]
-        definitions = {one.name: self.definitions[one.name] for one in robots if one.name in self.definitions}
-        left = [list(groups)]
+        kept, left = replace(robot, services=()), [robot.services]
         while left:
-            some, before = left.pop(), list(found)
-            for index, services in some:
-                found[index] = replace(found[index], services=(*found[index].services, *services))
-            if not (fault := self._fault(experiment_of(name, found, definitions))):
-                continue
-            found = before
-            if len(some) > 1:
+            some = left.pop()
+            tried = replace(kept, services=(*kept.services, *some))
+            if not (fault := self._fault(experiment_of(name, [tried], self.definitions))):
+                kept = tried
+            elif len(some) > 1:
                 half = len(some) // 2
                 left += [some[half:], some[:half]]
-                continue
-            for index, services in some:
-                for one in services:
-                    words = f"does not go together with the others: {fault}"
-                    found[index].notes.lost(f"container {one.name}", words)
-        return found
+            elif some:
+                robot.notes.lost(f"container {some[0].name}", f"does not go together with the others: {fault}")
+        return kept
 
     def _kept(
         self,

@@ -100,18 +100,6 @@ def test_a_volume_without_a_name_is_no_other_one_s(tmp_path: Path) -> None:
     assert len({a, b, named}) == 3 and shared == a
 
 
-def test_no_robot_s_size_has_some_containers_of_another_left_out(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """It would choose which: the large ones, such as a proxy with many settings, and not those behind it."""
-    monkeypatch.setattr("srprov.definitions.experiment._MOST_BYTES", 20_000)
-    lies = [box(9 + at, f"big{at}", [f"V={'a b ' * 400}"]) for at in range(10)]
-    honest = [box(1, "planner"), box(2, "proxy", [f"P{at}={'x y ' * 10}" for at in range(90)])]
-    _, edf, written = taken(tmp_path / "out", r1=Robot(boxes=lies), r2=Robot(boxes=honest))
-    assert "big0" in edf["services"] and not {"planner", "proxy"} & edf["services"].keys()
-    assert all(f"container {name}: does not go together" in written for name in ("planner", "proxy"))
-
-
 def test_no_number_of_containers_has_some_of_another_robot_left_out(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -126,3 +114,34 @@ def test_words_without_end_are_looked_at_in_time() -> None:
     begun = time.monotonic()
     long = {f"r{at}": [box(at, "x", [f"A={'a -b' * 200_000}"])] for at in range(10)}
     assert not NamesThere(long).mean_others("r1", "redis") and time.monotonic() - begun < 10
+
+
+@pytest.mark.parametrize("first", ["r1", "r2"])
+def test_no_robot_has_a_part_of_another_one_s_containers_left_out_by_what_it_fills(tmp_path: Path, first: str) -> None:
+    """An experiment has at most a thousand secrets: what asks for a password was left out, and the rest was in it."""
+    names = [first, *{"r1", "r2"} - {first}]
+    lies = [box(at, f"s{at}", [f"K{at}_{key}_PASSWORD=wq8fhq27fh" for key in range(250)]) for at in (1, 2, 3, 4)]
+    honest = [box(5, "login-proxy", ["ADMIN_PASSWORD=Zk3kq9fj2Lm"]), box(6, "db")]
+    robots = dict(zip(names, (Robot(boxes=lies), Robot(boxes=honest)), strict=True))
+    document, edf, _ = taken(tmp_path / "out", **robots)
+    assert {name for name, one in edf["services"].items() if "cdf" not in one} == {"login-proxy", "db"}
+    (note,) = [one for one in document["notes"] if "do not go together with those of other robots" in one["words"]]
+    assert (note["robot"], note["subject"]) == (first, "containers")
+
+
+def test_hosts_that_fill_the_experiment_leave_small_ones_what_they_have(tmp_path: Path) -> None:
+    """All files of an experiment hold 2 MiB; the small robot is in it as a whole, whatever it is called."""
+
+    def of(many: int, name: str) -> Robot:
+        lines = "".join(f"ii \tp{at:05}{'x' * 92}\tamd64\t1\tno\toptional\t\t\n" for at in range(many))
+        return Robot(shell={"packages": lines}, boxes=[box(1, name)])
+
+    big = {f"r{at}": of(5999, f"big{at}") for at in range(4)}
+    document, edf, _ = taken(tmp_path / "out", **big, r9=of(2, "small"))
+    assert {"small", "r9-host", "big0", "r0-host"} <= edf["services"].keys(), document["notes"]
+    assert "host r3: does not go together with other robots" in report(document) and "r3-host" not in edf["services"]
+    assert not (tmp_path / "out/r3.cdf").exists() and (tmp_path / "out/r9.cdf").exists()
+
+
+def report(document: dict[str, Any]) -> str:
+    return "\n".join(f"{one['subject']}: {one['words']}" for one in document["notes"])
