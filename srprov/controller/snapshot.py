@@ -20,6 +20,7 @@ from msgspec.structs import replace
 from srprov import believed, private
 from srprov.codes import Code
 from srprov.controller.fleet import Fleet
+from srprov.controller.snapshot_apart import apart
 from srprov.controller.snapshot_check import Checker, hidden
 from srprov.controller.snapshot_look import Seen, look
 from srprov.errors import TransportError, UsageError
@@ -64,7 +65,7 @@ def snapshot(fleet: Fleet, target: Path, name: str) -> dict[str, Any]:
     robots, definitions = _without_secrets(robots, hider)
     with _draft(target) as draft, believed.to_fill(str(draft)) as opened:
         place = Path(opened)
-        robots, definitions = Checker(place, robots, definitions, hider).checked(name)
+        robots, definitions = Checker(place, apart(robots), definitions, hider).checked(name)
         if not definitions and not any(robot.services for robot in robots):
             found = [f"{robot.name}: {note.subject}: {note.words}" for robot in robots for note in robot.notes.all()]
             raise UsageError(f"there is nothing to write: {'; '.join(found[:5])}", code=Code.NOTHING_RUNS)

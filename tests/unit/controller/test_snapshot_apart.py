@@ -1,0 +1,51 @@
+"""On an overlay robots' containers reach each other; where they came from, they did so at published ports alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.unit.controller.test_snapshot import Robot, box, taken
+
+
+def with_bind(made: dict[str, Any], source: str) -> dict[str, Any]:
+    return {**made, "Mounts": [{"Type": "bind", "Source": source, "Destination": "/x", "RW": True}]}
+
+
+def services(edf: dict[str, Any]) -> set[str]:
+    return {name for name, one in edf["services"].items() if "cdf" not in one}
+
+
+@pytest.mark.parametrize("source", ["/var/run/docker.sock", "/run", "/", "/proc"])
+def test_no_robot_reaches_a_container_that_has_another_one_s_engine(tmp_path: Path, source: str) -> None:
+    """A proxy of its socket, on a network of its own, gave it to the other robot's containers: root there."""
+    proxy = with_bind(box(1, "socket-proxy", NetworkMode="private"), source)
+    robots = {"r1": Robot(boxes=[box(2, "camera")]), "r2": Robot(boxes=[proxy, box(3, "web")])}
+    document, edf, _ = taken(tmp_path / "two", **robots)
+    assert services(edf) == {"camera", "web"}
+    (note,) = [one for one in document["notes"] if "gives its robot away" in one["words"]]
+    assert (note["robot"], note["kind"], note["subject"]) == ("r2", "lost", "container socket-proxy")
+    document, edf, _ = taken(tmp_path / "one", r2=robots["r2"])
+    assert services(edf) == {"socket-proxy", "web"} and "gives its robot away" not in str(document)
+
+
+def test_what_is_on_no_overlay_or_has_data_alone_stays(tmp_path: Path) -> None:
+    boxes = [
+        with_bind(box(1, "agent", NetworkMode="host"), "/var/run/docker.sock"),
+        with_bind(box(2, "lonely", NetworkMode="none"), "/var/run/docker.sock"),
+        with_bind(box(3, "web"), "/srv/data"),
+    ]
+    _, edf, _ = taken(tmp_path / "two", r1=Robot(boxes=boxes), r2=Robot(boxes=[box(4, "db")]))
+    assert services(edf) == {"agent", "lonely", "web", "db"}
+
+
+def test_the_report_says_which_containers_are_reached_by_those_of_others(tmp_path: Path) -> None:
+    boxes = [box(1, "store"), box(2, "agent", NetworkMode="host")]
+    document, _, written = taken(tmp_path / "two", r1=Robot(boxes=[box(3, "camera")]), r2=Robot(boxes=boxes))
+    told = {one["robot"]: one["words"] for one in document["notes"] if "also those that are not published" in str(one)}
+    assert told.keys() == {"r1", "r2"} and told["r2"].startswith("containers of r1 reach all ports of store on the")
+    assert "also those that are not published" in written
+    document, _, _ = taken(tmp_path / "one", r2=Robot(boxes=boxes))
+    assert "not published" not in str(document)
