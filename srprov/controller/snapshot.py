@@ -23,6 +23,7 @@ from srprov.controller.fleet import Fleet
 from srprov.controller.snapshot_apart import apart
 from srprov.controller.snapshot_check import Checker, hidden
 from srprov.controller.snapshot_look import Seen, look
+from srprov.controller.snapshot_words import Words, is_our_own
 from srprov.errors import TransportError, UsageError
 from srprov.robot_answers import answers_of
 from srprov.secret import Secret
@@ -62,6 +63,7 @@ def snapshot(fleet: Fleet, target: Path, name: str) -> dict[str, Any]:
     except ValueError as error:
         raise UsageError(f"{error} in containers", hint="name fewer robots at once", code=Code.TOO_LARGE) from error
     _make_known(hider, [word for robot in robots for word in (robot.name, *(one.name for one in robot.services))])
+    words = Words(robots)
     robots, definitions = _without_secrets(robots, hider)
     with _draft(target) as draft, believed.to_fill(str(draft)) as opened:
         place = Path(opened)
@@ -70,8 +72,8 @@ def snapshot(fleet: Fleet, target: Path, name: str) -> dict[str, Any]:
             found = [f"{robot.name}: {note.subject}: {note.words}" for robot in robots for note in robot.notes.all()]
             raise UsageError(f"there is nothing to write: {'; '.join(found[:5])}", code=Code.NOTHING_RUNS)
         document = report.document(name, robots, definitions, unreachable)
-        clean = _without(document, hider)
-        private.write_file(place / REPORT, hider.without_strong(report.markdown(clean)))
+        clean = words.clean(document)
+        private.write_file(place / REPORT, report.markdown(clean))
         _put(draft, target)
     return {"folder": str(target), **clean}
 
@@ -156,7 +158,8 @@ def _fresh(name: str, taken: Collection[str], unfit: Callable[[str], bool] = lam
 def _make_known(hider: Hider, names: Sequence[str]) -> None:
     """Let all output of this process hide the values; not a word of the report's own, or it could not be read."""
     for value in hider.strong[:_MOST_KNOWN]:
-        if value.strip().lower() not in _VOCABULARY and not any(value.strip() in name for name in names):
+        known = value.strip().lower() in _VOCABULARY or is_our_own(value)
+        if not known and not any(value.strip() in name for name in names):
             with contextlib.suppress(ValueError):  # too short to be hidden
                 Secret(value)
 
@@ -192,15 +195,6 @@ def _cleaned(robot: Robot, hider: Hider, own: Hider) -> Robot:
             repositories.append(one)
     services = all_without(robot.services, hider, own, robot.notes)
     return replace(robot, services=services, repositories=tuple(repositories))
-
-
-def _without(value: Any, hider: Hider) -> Any:  # noqa: ANN401 - JSON is any
-    """Return JSON values in which no text holds a secret; the names of fields stay."""
-    if isinstance(value, str):
-        return hider.without_strong(value)
-    if isinstance(value, Mapping):
-        return {key: _without(one, hider) for key, one in value.items()}
-    return [_without(one, hider) for one in value] if isinstance(value, list) else value
 
 
 @contextlib.contextmanager

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from srprov.secret import redact
 from tests.unit.controller.test_snapshot import Robot, box, taken
 
 
@@ -49,3 +50,22 @@ def test_the_report_says_which_containers_are_reached_by_those_of_others(tmp_pat
     assert "also those that are not published" in written
     document, _, _ = taken(tmp_path / "one", r2=Robot(boxes=boxes))
     assert "not published" not in str(document)
+
+
+def test_what_a_robot_calls_a_secret_takes_no_word_out_of_the_report_of_another(tmp_path: Path) -> None:
+    """It may be srprov's own sentence that a container of another was left out, or the one that stands for it."""
+    lies = [
+        "A_PASSWORD=gives its robot away",
+        "B_PASSWORD=words of it are a secret",
+        "C_PASSWORD=containers: containers of",
+    ]
+    proxy = with_bind(box(1, "socket-proxy"), "/run/docker.sock")
+    honest = Robot(boxes=[proxy, box(2, "web", ["D_PASSWORD=Zk3kq9fj2Lm"]), box(3, "db", ["E=Zk3kq9fj2Lm"])])
+    document, _, written = taken(tmp_path / "two", r1=Robot(boxes=[box(4, "camera", lies)]), r2=honest)
+    withheld = "words of it are a secret of another robot: look at this robot alone to read it"
+    told = [redact(f"{one['subject']}: {one['words']}") for one in document["notes"] if one["robot"] == "r2"]
+    assert sum(withheld in one for one in told) == 2 and written.count(withheld) == 2, told
+    assert any(
+        "container db: its environment holds what is a secret elsewhere: *** stands there" in one for one in told
+    )
+    assert "Zk3kq9fj2Lm" not in written and "Zk3kq9fj2Lm" not in str(document)
