@@ -25,9 +25,9 @@ from srprov.controller.image_builders import counted, proofs_of
 from srprov.controller.image_layers import with_layers
 from srprov.controller.image_plans import images_alone, images_there, plan_images, with_fresh
 from srprov.controller.labpolicy import enforce, with_limits
-from srprov.controller.mtu_note import mtu_notes
 from srprov.controller.named_services import services_of
 from srprov.controller.old_values import with_differences
+from srprov.controller.overlay_notes import overlay_notes
 from srprov.controller.own_files import asked_for
 from srprov.controller.owners import Owner
 from srprov.controller.ownership import check_source, owned, trusting
@@ -145,7 +145,7 @@ def make_plan(
     amiss, alone = ((), ()) if request.images_only else all_notes(desired, snapshot.observed)
     check_writers(steps, [(placed.placed.get(name, ""), one) for name, one in choice.experiment.services.items()], look)
     told, led = check_ready(steps, desired * request.trials, choice, instance, snapshot, look, playbooks=bool(theirs))
-    notes = (*notes, *inputs.doubts, *amiss, *alone, *told, *mtu_notes(overlay, snapshot))
+    notes = (*notes, *inputs.doubts, *amiss, *alone, *told, *overlay_notes(overlay, snapshot, choice.experiment))
     made = plan_value(definitions, replace(inputs, snapshot=snapshot), placed, theirs, steps, unchanged, notes)
     made = replace(made, chosen=any(choice.free or one in choice.new for one in placed.runner_up), leads=led)
     enforce(made, look.inventory, request.policies)

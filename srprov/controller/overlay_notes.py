@@ -1,0 +1,74 @@
+"""What a plan says of an overlay: that a robot's link, or its word, gives it another MTU, or other addresses. Pure.
+
+For another MTU all of its containers are made anew. What a robot reached behind its default route, it does not reach
+any more when an overlay comes to it with these addresses: its packets go to whoever takes them there. So whoever reads
+the plan is told which, and by whose word.
+"""
+
+from __future__ import annotations
+
+from srprov.definitions.model import Experiment, NetworkSettings
+from srprov.facts.model import Snapshot
+from srprov.names import few
+from srprov.network.foreign import foreign_uses, overlap
+from srprov.network.identity import identify, link_names
+from srprov.network.model import Overlay
+
+_SHOWN = 4
+
+
+def overlay_notes(overlay: Overlay, snapshot: Snapshot, experiment: Experiment) -> tuple[str, ...]:
+    """Return what is to be said of an overlay: nothing where it is as its name and its robots' links make it."""
+    return (*_of_mtu(overlay, snapshot), *_of_subnet(overlay, snapshot, experiment.network))
+
+
+def _of_mtu(overlay: Overlay, snapshot: Snapshot) -> tuple[str, ...]:
+    """Return a note when networks of the overlay that are there have a larger MTU than it gets.
+
+    Docker gives a network its MTU when it makes it, and containers theirs when they join.
+    """
+    had = {
+        int(one.state["mtu"])
+        for things in snapshot.observed.values()
+        for one in things
+        if (one.module, one.name, one.instance) == ("network", overlay.network, overlay.instance)
+    }
+    most = max(had, default=0)
+    if not overlay.active or most <= overlay.mtu:
+        return ()
+    members = [(snapshot.facts[robot].underlay_mtu, robot) for robot in overlay.vteps if robot in snapshot.facts]
+    carries, robot = min(members, default=(0, ""))
+    why = f", as {robot}'s link carries {carries} bytes" if robot and carries < most + 50 else ""
+    return (
+        f"the overlay's MTU is {most} and becomes {overlay.mtu}{why}: its networks, and the containers on them, "
+        "are made anew on all robots; where robots with narrow links may join later, begin with a smaller network.mtu",
+    )
+
+
+def _of_subnet(overlay: Overlay, snapshot: Snapshot, settings: NetworkSettings) -> tuple[str, ...]:
+    """Return a note when a robot gets a subnet that neither the EDF nor the instance's name says."""
+    if not overlay.active or settings.subnet is not None:
+        return ()
+    usual = identify(overlay.instance, NetworkSettings(), Snapshot(facts={}, observed={})).subnet
+    having = [robot for robot in sorted(snapshot.observed) if _has(robot, overlay, snapshot)]
+    new = sorted((overlay.vteps.keys() & snapshot.facts.keys()) - {*having})
+    if overlay.subnet == str(usual) or not new:
+        return ()
+    if having:
+        why = f"the instance has that on {few(having, _SHOWN)}, as robots say themselves"
+    elif use := overlap(usual, foreign_uses(overlay.instance, link_names(overlay.instance), snapshot, None)):
+        why = f"that one is taken by {use.where}"
+    else:
+        why = "its last placement has that"
+    return (
+        f"the overlay takes {overlay.subnet} on {few(new, _SHOWN)}, and not {usual} as by its name: {why}; "
+        "what is reached there by a default route is reached no more (network.subnet says which it shall be)",
+    )
+
+
+def _has(robot: str, overlay: Overlay, snapshot: Snapshot) -> bool:
+    return any(
+        (one.module, one.name, one.instance) == ("network", overlay.network, overlay.instance)
+        and one.state.get("subnet") == overlay.subnet
+        for one in snapshot.observed[robot]
+    )
