@@ -18,7 +18,6 @@ from srprov import private
 from srprov.definitions import load_experiment
 from srprov.errors import DefinitionError
 from srprov.images.dockerfile import render_dockerfile
-from srprov.snapshot.containers import Service
 from srprov.snapshot.folder import EDF_NAME, Definition, Robot, experiment_of
 from srprov.snapshot.hider import Hider
 from srprov.snapshot.notes import Notes
