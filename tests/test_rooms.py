@@ -72,7 +72,7 @@ ROOMS: Mapping[str, Room] = {
     "yamldoc": room("codes errors regular_file", "yaml"),
     "definitions": room(
         "believed codes errors names private regular_file untrusted secret data owner whose image_reference git_address"
-        " linear_regex secret_files published"
+        " linear_regex own_records secret_files published"
         " yamldoc",
         "jsonschema jinja2",
     ),
@@ -114,7 +114,7 @@ ROOMS: Mapping[str, Room] = {
     ),
     "record": room(
         "believed codes errors data private regular_file untrusted resource secret definitions.model facts planning"
-        " execution secret_files"
+        " execution own_records secret_files"
         " trials definitions.trialsmodel definitions.repository_names transport.tar_stream"
     ),
     # Bundles: reads and checks what a run left, works out again what follows from it, and compares two.
@@ -152,6 +152,7 @@ ROOMS: Mapping[str, Room] = {
     "whose": room(),
     "secret": room("redaction redaction_lines"),
     "secret_files": room("believed private untrusted"),
+    "own_records": room("believed private regular_file untrusted"),
     "redaction": room("redaction_bytes"),
     "redaction_lines": room("redaction"),
     "redaction_bytes": room("linear_regex"),

@@ -49,6 +49,9 @@ def load_inventory(paths: tuple[str, ...]) -> Inventory:
         own = ", ".join(paths).rstrip(",")
         err(f"note: the inventory is {own}, of your own configuration; that of {visible(aside)} needs -i")
     inventory = load(list(paths), unnamed=unnamed_inventories(context, paths))
+    if inventory.strange_record:
+        told = f"note: {visible(inventory.strange_record)} is not of a run of this machine, or of an older srprov's"
+        err(f"{told}: it says only where robots are; to trust it, copy it elsewhere")
     if not inventory.hosts:
         raise UsageError(f"no robots in {', '.join(paths)}", hint="add hosts to the inventory", code=Code.NO_ROBOT)
     return _with_become_password(inventory) if asked_for_become() else inventory
@@ -77,8 +80,10 @@ def _with_become_password(inventory: Inventory) -> Inventory:
     if not lacking:
         return inventory
     if not inventory.named:
-        message = "-K would tell sudo's password to robots of an inventory that you did not name"
-        raise UsageError(message, hint="if you trust it, name it yourself: -i FILE", code=Code.UNNAMED_INVENTORY)
+        whose = "another machine's record" if inventory.strange_record else "an inventory that you did not name"
+        message = f"-K would tell sudo's password to robots of {whose}"
+        hint = "copy it elsewhere, and name the copy" if inventory.strange_record else "name it yourself: -i FILE"
+        raise UsageError(message, hint=f"if you trust it, {hint}", code=Code.UNNAMED_INVENTORY)
     if not sys.stdin.isatty():
         hint = "set ansible_become_password in the inventory, e.g. in host_vars/ that only you can read"
         raise RefusedError("there is no terminal to ask for sudo's password on", hint=hint, code=Code.NO_TERMINAL)

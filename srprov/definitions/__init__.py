@@ -92,7 +92,7 @@ def load_inventory(paths: Sequence[str | Path], unnamed: Collection[str] = (), *
     named = [str(path) for path in paths]
     found = inventory.load(named, unnamed, run=run)
     names_alone.check_no_command(named, found.hosts.values())
-    return names_alone.trusting_no_new_key(named, found)
+    return names_alone.of_records(named, found)
 
 
 def select(inventory: Inventory, pattern: str, failed: Callable[[], Collection[str]] | None = None) -> tuple[str, ...]:

@@ -101,6 +101,8 @@ class Inventory(msgspec.Struct, frozen=True, kw_only=True):
     """Real paths of files with passwords, and of keys: the user's own, also where they lie beside an EDF."""
     named: bool = True
     """Whether the user named all files of it himself; else a stranger's project may have put robots into groups."""
+    strange_record: str = ""
+    """One of its files, of another machine's record: it says only where robots are."""
 
 
 class Service(msgspec.Struct, frozen=True, kw_only=True):

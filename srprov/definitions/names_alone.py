@@ -17,6 +17,7 @@ from types import MappingProxyType
 
 from msgspec.structs import replace
 
+from srprov import own_records
 from srprov.codes import Code
 from srprov.definitions.model import Host, Inventory
 from srprov.definitions.script import is_program
@@ -100,19 +101,24 @@ def check_no_command(paths: Collection[str], hosts: Iterable[Host]) -> None:
             )
 
 
-def trusting_no_new_key(paths: Collection[str], found: Inventory) -> Inventory:
-    """Return an inventory that has no new host key accepted by the word of a record: it may be a stranger's.
+def of_records(paths: Collection[str], found: Inventory) -> Inventory:
+    """Return an inventory in which the record of another machine says only where robots are, and who logs in there.
 
-    Robots of a run are known where it ran.
+    Options of ssh name files that are written to, as with new host keys, `local` means this machine, and who names such
+    a record means robots of his own: so their keys and host keys are those of his own settings of ssh.
     """
-    if not any(map(_recorded, paths)):
+    strange = next((path for path in paths if (file := _recorded(path)) and not own_records.is_known(file)), "")
+    if not strange:
         return found
-    hosts = {name: replace(one, ssh_options=tuple(map(_strict, one.ssh_options))) for name, one in found.hosts.items()}
-    return replace(found, hosts=MappingProxyType(hosts))
+    hosts = {name: _place_of(host) for name, host in found.hosts.items()}
+    return replace(found, hosts=MappingProxyType(hosts), named=False, strange_record=strange)
 
 
-def _strict(option: tuple[str, str]) -> tuple[str, str]:
-    return (option[0], "yes") if option[0] == "stricthostkeychecking" else option
+def _place_of(host: Host) -> Host:
+    hidden = tuple(one for one in host.ssh_options if one == ("proxycommand", MASK))  # by which no robot is reached
+    return replace(
+        host, identity_file=None, password=None, become_password=None, connection="ssh", ssh_options=hidden
+    )  # fmt: skip
 
 
 def _recorded(path: str) -> str:

@@ -26,11 +26,12 @@ from srprov.facts.model import Snapshot
 from srprov.planning.plan import Plan, plan_json
 from srprov.planning.planfile import PlanFile, document
 from srprov.planning.text import plan_text
-from srprov.record.folder import Sink
+from srprov.record.folder import Sink, in_lines
 from srprov.record.input_places import inputs
+from srprov.record.memory import note_inventory
 from srprov.record.plain import fields_of, plain
 from srprov.resource import Resource
-from srprov.secret import MASK
+from srprov.secret import MASK, redacted
 
 _LIBRARIES = ("click", "docker", "fabric", "jinja2", "jsonschema", "numpy", "ortools", "paramiko", "psutil", "pyyaml",
               "requests", "rich", "urllib3")  # fmt: skip
@@ -77,7 +78,7 @@ def write_inputs(folder: Sink, run: RunInputs, commit: Callable[[], object] = la
     if run.snapshot is not None:
         found = run.snapshot
         folder.put_json("facts.json", lambda: facts_record(found, run.decided))
-    folder.put_json("inputs/inventory.yml", lambda: inventory_document(run.inventory))
+    folder.put_json("inputs/inventory.yml", lambda: _own_inventory(run.inventory))
     for name, text in inputs(run.file.inputs if run.files is None else run.files):
         folder.put(f"inputs/{name}", lambda text=text: text)  # type: ignore[misc]
     of_robots: dict[str, list[Resource]] = {}
@@ -163,6 +164,14 @@ def _versions() -> dict[str, str]:
                 if dash and entry.endswith(".dist-info") and name.lower() in _LIBRARIES:
                     found.setdefault(name.lower(), version)
     return dict(sorted(found.items()))
+
+
+def _own_inventory(inventory: Inventory) -> object:
+    """Return the inventory for a record, and remember that it is the user's own word: a record may be anybody's."""
+    document = redacted(inventory_document(inventory))
+    if inventory.named:
+        note_inventory(in_lines(document) + "\n")
+    return document
 
 
 def inventory_document(inventory: Inventory) -> dict[str, Any]:

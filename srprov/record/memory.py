@@ -17,7 +17,7 @@ from typing import Any
 
 import msgspec
 
-from srprov import believed, secret_files
+from srprov import believed, own_records, secret_files
 from srprov.codes import Code
 from srprov.errors import UsageError
 from srprov.record.folder import default_root
@@ -101,6 +101,11 @@ def who_ran() -> dict[str, frozenset[str]]:
 def note_ran(had: Mapping[str, Collection[str]]) -> str:
     """Remember who had images of a run; return why that is not possible, or nothing."""
     return _add(_ran(), had)
+
+
+def note_inventory(text: str) -> str:
+    """Remember that a record of this machine has an inventory with this text; return why not, or nothing."""
+    return _add(own_records.place(), {own_records.digest(text.encode()): ()})
 
 
 def note_secret_files(paths: Collection[str]) -> None:

@@ -79,3 +79,15 @@ def test_robots_that_the_user_has_by_name_are_told_it_and_a_projects_are_not(
     assert ("an inventory that you did not name" in said) is of_project
     assert ("sudo's password is told any of these that asks: 192.0.2.1\n" in said) is not of_project
     assert "of your own configuration" not in said
+
+
+def test_robots_of_the_record_of_another_machine_are_told_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its user names it for robots of his own, and it may say where somebody else's is."""
+    recorded = tmp_path / "run" / "inputs" / "inventory.yml"
+    recorded.parent.mkdir(parents=True)
+    recorded.write_text("all: {hosts: {r2: {ansible_user: pi, ansible_host: 127.0.0.1, ansible_port: 1}}}\n")
+    monkeypatch.setattr(click, "prompt", lambda *_words, **_more: pytest.fail("it was asked for"))
+    assert run(["facts", "-K", "-i", str(recorded)]) == 5
+    assert "sudo's password to robots of another machine's record" in capsys.readouterr().err

@@ -12,7 +12,7 @@ from srprov.errors import DefinitionError
 from srprov.lab.inventory import as_text
 from srprov.lab.places import Site
 from srprov.lab.spec import Robot
-from srprov.transport.openssh.resolve import resolve
+from srprov.record.memory import note_inventory
 
 PROGRAM = 'ansible_ssh_common_args: -o ProxyCommand="sh -c id"\n'
 
@@ -168,15 +168,29 @@ def test_the_inventory_of_a_record_names_no_command(project: Path, command: str)
     assert load_inventory([recorded]).hosts["r1"].ssh_options == (("proxycommand", "***"),)
 
 
-def test_the_inventory_of_a_record_has_no_new_host_key_accepted(project: Path) -> None:
-    """It could name any file of the user's for it, and any host; robots of a run are known where it ran."""
+ALL = """all: {hosts: {r1: {ansible_host: 192.0.2.1, ansible_port: 2222, ansible_user: pi, srprov_tags: [arm],
+  ansible_connection: local, ansible_password: word, ansible_become_password: word, ansible_ssh_private_key_file: key,
+  ansible_ssh_common_args: "-o UserKnownHostsFile=.bashrc -o StrictHostKeyChecking=accept-new -o HostKeyAlias=ls"}}}
+"""
+
+
+def test_the_record_of_another_machine_says_only_where_robots_are(project: Path) -> None:
+    """Into a file that it names a host key would be written; `local` is this machine; nobody typed its passwords."""
+    (project / "run" / "inputs").mkdir(parents=True)
     recorded = project / "run" / "inputs" / "inventory.yml"
-    recorded.parent.mkdir(parents=True)
-    options = "-o UserKnownHostsFile=~/.ssh/authorized_keys -o StrictHostKeyChecking=accept-new"
-    recorded.write_text(f"all: {{hosts: {{r1: {{ansible_ssh_common_args: '{options}'}}, r2: }}}}\n")
-    for paths in (["run/inputs/inventory.yml"], ["r3,", str(recorded)]):
-        hosts = load_inventory(paths).hosts
-        assert not resolve(hosts["r1"], ssh_config=Path("/dev/null")).accept_new and not hosts["r2"].ssh_options
-    copied = project / "mine.yml"
-    copied.write_text(recorded.read_text())
-    assert resolve(load_inventory([copied]).hosts["r1"], ssh_config=Path("/dev/null")).accept_new
+    recorded.write_text(ALL)
+    for path in ("run/inputs/inventory.yml", str(recorded)):
+        found = load_inventory([path])
+        one = found.hosts["r1"]
+        assert (one.address, one.port, one.user, one.tags) == ("192.0.2.1", 2222, "pi", ("arm",))
+        assert (one.connection, one.ssh_options, one.identity_file) == ("ssh", (), None)
+        assert one.password is one.become_password is None
+        assert (found.named, found.strange_record) == (False, path), "nor is sudo's password told there"
+    assert note_inventory(ALL) == ""
+    found = load_inventory(["run/inputs/inventory.yml"])
+    assert found.named and found.hosts["r1"].connection == "local", "this machine wrote it"
+    recorded.write_text(ALL.replace("2222", "2223"))
+    assert not load_inventory(["run/inputs/inventory.yml"]).hosts["r1"].ssh_options, "and not what is there now"
+    (project / "mine.yml").write_text(ALL)
+    assert load_inventory(["mine.yml"]).hosts["r1"].ssh_options, "a copy is the user's word"
+    assert load_inventory(["mine.yml", "run/inputs/inventory.yml"]).hosts["r1"].connection == "ssh"
