@@ -24,7 +24,7 @@ from srprov.untrusted import mapping, string, string_map
 LAYOUT, SBOMS = "images/", "sbom/"
 WAYS = ("none", "ours", "all")
 _ID = re.compile("sha256:[0-9a-f]{64}")
-_NAME = re.compile("[A-Za-z0-9][A-Za-z0-9@:/._-]{0,400}")
+NAME = re.compile("[A-Za-z0-9][A-Za-z0-9@:/._-]{0,400}")
 _IMAGE, _IMAGE_ID, _ROBOT = ": image", ": image id", ": robot"
 
 
@@ -69,7 +69,7 @@ def used(story: Story, files: Files) -> tuple[Used, ...]:
     for same in stated:
         for key, name in same.items():
             service = key.removesuffix(_IMAGE)
-            if key.endswith(_IMAGE) and _NAME.fullmatch(name):
+            if key.endswith(_IMAGE) and NAME.fullmatch(name):
                 names.setdefault(service, set()).add(name)
                 if _ID.fullmatch(id_ := same.get(f"{service}{_IMAGE_ID}", "")):
                     one = found.setdefault(id_, _Found())

@@ -12,11 +12,11 @@ import msgspec
 
 from srprov.codes import Code
 from srprov.controller.kept_images import Content, keep
-from srprov.controller.request import BUNDLED, BundledImage
+from srprov.controller.request import BundledImage
 from srprov.errors import UsageError
 from srprov.evidence import story
 from srprov.evidence.files import Files
-from srprov.evidence.images import LAYOUT, stored
+from srprov.evidence.images import LAYOUT, NAME, stored
 from srprov.evidence.story import Story
 from srprov.evidence.verified import Bundle, reopened
 from srprov.facts.model import Snapshot
@@ -33,6 +33,8 @@ class Kept(msgspec.Struct, frozen=True, kw_only=True):
     """Service -> its own image; of what srprov built, also those of the same name for other architectures."""
     names: Mapping[str, str]
     """Service -> its image as the bundle's run named it, of all services."""
+    built: frozenset[str] = frozenset()
+    """Services whose CDF is built, by the definitions: the run may name their images as it likes."""
 
 
 def bring(bundle: Bundle, say: Callable[[str], None], *, wanted: bool = True) -> Kept:
@@ -48,13 +50,25 @@ def bring(bundle: Bundle, say: Callable[[str], None], *, wanted: bool = True) ->
     """
     try:
         with reopened(bundle) as files, story.read(files) as told:
-            names = {service: name for service, (name, _) in told.images.items()}
+            names = {service: _called(name) for service, (name, _) in told.images.items()}
             every = stored(files) if wanted else ()
             keep(_contents(files, every), say)
-            return Kept(images=dict(_of_services(told, every)), names=names)
+            return Kept(images=dict(_of_services(told, every)), names=names, built=frozenset(_built(told)))
     except ValueError as error:
         hint = f"srprov verify {shlex.quote(str(bundle.path))} says more"
         raise UsageError(f"the images of {bundle.path} cannot be read: {error}", hint=hint, code=Code.REPLAY) from error
+
+
+def _built(told: Story) -> Iterator[str]:
+    containers = told.definitions.containers
+    for service, one in told.last.choice.experiment.services.items():
+        if not one.image and (cdf := containers.get(one.cdf)) and not cdf.image:
+            yield service
+
+
+def _called(name: str) -> str:
+    """Return what an image is called for a line of the plan: a journal may have any text there, and of any length."""
+    return name if NAME.fullmatch(name) else "image, which it calls as no image is called"
 
 
 def _contents(files: Files, every: tuple[Stored, ...]) -> Iterator[Content]:
@@ -96,14 +110,16 @@ def in_words(kept: Kept, snapshot: Snapshot, placed: Mapping[str, str]) -> Itera
             # which image a registry, or somebody, gave under a name is the word of the robot that had it; and what was
             # built under a tag that of who made the bundle: nothing in an image says of which definitions it was built
             had = f"as its {placed.get(service, 'robot')} had it"
-            whose = f", {_BY_ITS_WORD if name.startswith(BUILT) and not name.startswith(BUNDLED) else had}"
+            whose = f", {_BY_ITS_WORD if service in kept.built else had}"
             yield f"{service}: the bundle's {name}, {fits[0].id[7:19]}{whose}"
         else:
-            yield f"{service}: {_elsewhere(name)}" + (", as the bundle's is for another architecture" if some else "")
+            yield f"{service}: {_elsewhere(name, built=service in kept.built)}" + (
+                ", as the bundle's is for another architecture" if some else ""
+            )
 
 
-def _elsewhere(name: str) -> str:
-    if name.startswith(BUILT):
+def _elsewhere(name: str, *, built: bool) -> str:
+    if built:
         return f"{name}, built again where no robot has it: packages may be others by now"
     if "@sha256:" in name:
         return f"{name}, by its digest"

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 from srprov.controller.request import BundledImage
-from srprov.evidence.replay_images import Kept, _of_services, in_words
+from srprov.evidence.replay_images import Kept, _called, _of_services, in_words
 from srprov.facts.model import HostFacts, Snapshot
 from srprov.oci.layout import Stored
 
@@ -36,13 +36,27 @@ def test_what_a_robot_had_of_a_name_is_no_image_of_the_services_of_others() -> N
 
 
 def test_whose_word_it_is_which_image_a_name_stands_for_is_said_before_the_question() -> None:
+    """That a CDF is built the definitions say: a journal may call its image as it likes, also as one of a replay."""
     one = (BundledImage(IDS["a"], "amd64"),)
-    names = {"own": "srprov/x:1", "again": "srprov/bundled:1", "theirs": "busybox:1", "gone": "debian:12"}
-    kept = Kept(images=dict.fromkeys(("own", "again", "theirs"), one), names=names)
+    by_its_word = "built of its CDF by the bundle's word; --no-bundled-images builds it here"
+    names = {"own": "srprov/x:1", "again": "srprov/bundled:1", "called": "busybox:1", "theirs": "srprov/x:1"}
+    kept = Kept(
+        images=dict.fromkeys(names, one),
+        names={**names, "gone": "debian:12"},
+        built=frozenset({"own", "again", "called"}),
+    )
     assert [*in_words(kept, SNAPSHOT, dict.fromkeys(names, "robot1"))] == [
-        "again: the bundle's srprov/bundled:1, aaaaaaaaaaaa, as its robot1 had it",
+        f"again: the bundle's srprov/bundled:1, aaaaaaaaaaaa, {by_its_word}",
+        f"called: the bundle's busybox:1, aaaaaaaaaaaa, {by_its_word}",
         "gone: debian:12, by its name: it may be another image today",
-        "own: the bundle's srprov/x:1, aaaaaaaaaaaa, built of its CDF by the bundle's word; "
-        "--no-bundled-images builds it here",
-        "theirs: the bundle's busybox:1, aaaaaaaaaaaa, as its robot1 had it",
+        f"own: the bundle's srprov/x:1, aaaaaaaaaaaa, {by_its_word}",
+        "theirs: the bundle's srprov/x:1, aaaaaaaaaaaa, as its robot1 had it",
     ]
+
+
+def test_a_journal_says_nothing_else_where_an_image_is_named() -> None:
+    """With words and a thousand blanks for a name, whose word it is stood behind the end of the line."""
+    for name in ("busybox:1, by its name: it may be another image today", "busybox:1" + 1000 * " ", "x" * 1000, ""):
+        assert _called(name) == "image, which it calls as no image is called"
+    for name in ("busybox:1", "srprov/x:1", f"reg.lab.example:5000/nav@sha256:{'0' * 64}"):
+        assert _called(name) == name
