@@ -16,7 +16,14 @@ from msgspec.structs import replace
 from srprov import disk, plain_tar
 from srprov.codes import Code
 from srprov.controller.compose_files import env_files, texts
-from srprov.controller.compose_plan import addresses_of, check_same, edf_of, underlays
+from srprov.controller.compose_plan import (
+    addresses_of,
+    check_pins,
+    check_same,
+    edf_of,
+    told_of_placement,
+    underlays,
+)
 from srprov.controller.own_files import COPIED_FIRST, permit_copies
 from srprov.controller.robots_words import at_home
 from srprov.controller.source import read_definitions, saved_plan
@@ -109,6 +116,7 @@ def on_planned_robots(source: Source, snapshot: Snapshot | None = None) -> Expor
         raise UsageError(
             f"the plan places {', '.join(unknown[:5])}, which the EDF does not have", code=Code.PLAN_MISFIT
         )
+    check_pins(source.plan, experiment)
     return on_robots(source, experiment, placed, underlays(snapshot) if snapshot else addresses_of(source.plan))
 
 
@@ -163,6 +171,7 @@ def _exported(
 ) -> Export:
     used = {one.cdf for one in experiment.services.values()}
     containers = {key: one for key, one in source.definitions.containers.items() if key in used}
+    notes = *_granted(source, experiment, placed), *_told(source, experiment, placed)
     with disk.together():
         return _tool(source.tool)(
             Wanted(
@@ -170,7 +179,7 @@ def _exported(
                 placed=placed, robots=addresses, profiles=source.every_profile, open=source.open,
                 env_files=env_files(source.definitions, source.open),
                 texts=texts(source.definitions, source.file), edf=source.file,
-                notes=(*source.definitions.notes, *_granted(source, experiment, placed), *_told(source, placed)),
+                notes=(*source.definitions.notes, *notes),
                 listing=disk.listing, read=disk.read, shipped=functools.cache(_shipped),
                 checkout=_checkout(containers, source.allowed), lossy=source.lossy,
             )
@@ -188,10 +197,12 @@ def _granted(source: Source, experiment: Experiment, placed: Mapping[str, str]) 
         yield f"{name} gets more than its container, and {tool} asks nobody: {kind} ({what})"
 
 
-def _told(source: Source, placed: Mapping[str, str]) -> Iterator[str]:
-    """Yield what is said of addresses, where the tool writes any."""
+def _told(source: Source, experiment: Experiment, placed: Mapping[str, str]) -> Iterator[str]:
+    """Yield what is said of addresses, where the tool writes any, and of who runs what."""
     robots = set(placed.values()) & source.told.keys() if source.tool != "kubernetes" else set()
     yield from (source.told[robot] for robot in sorted(robots))
+    if source.plan and placed:
+        yield from told_of_placement(source.plan, experiment, source.definitions.experiment)
 
 
 def _tool(name: str) -> Callable[[Wanted], Export]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from ipaddress import ip_address
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING
 from srprov.codes import Code
 from srprov.controller.plan_proof import provers
 from srprov.controller.robot_files import is_record_path
-from srprov.definitions.model import Definitions
+from srprov.definitions.model import Definitions, Experiment
 from srprov.errors import DefinitionError, UsageError
 from srprov.modules.file import FileParams
 from srprov.network.record import read_record
@@ -76,6 +77,36 @@ def _check_text(plan: PlanFile, name: str, text: str, file: str) -> None:
             hint="plan again, or export the EDF",
             code=Code.PLAN_MISFIT,
         )
+
+
+def check_pins(plan: PlanFile, experiment: Experiment) -> None:
+    """Refuse a plan that places a service elsewhere than where its EDF has it: whoever has that robot has its secrets.
+
+    Raises:
+        UsageError: Names the first one.
+    """
+    for name, robot in sorted(plan.plan.assignment.items()):
+        if (pin := experiment.services[name].robot) not in ("", robot):
+            raise UsageError(
+                f"the plan places {name} on {robot}, and its EDF has it on {pin}",
+                hint="plan again, or export the EDF",
+                code=Code.PLAN_MISFIT,
+            )
+
+
+def told_of_placement(plan: PlanFile, placed: Experiment, whole: Experiment) -> Iterator[str]:
+    """Yield what is said of who runs what, where that is only the word of a plan that was not written here.
+
+    `placed` has the instances that it places, `whole` is the experiment as it was read.
+    """
+    if is_of_here(plan):
+        return
+    every, whose = sorted(plan.plan.assignment.items()), "by the word of the plan, which was not written here"
+    for robot in sorted({one for _, one in every}):
+        yield f"{robot} runs {', '.join(name for name, one in every if one == robot)} {whose}"
+    there = {one.instance_of or name for name, one in placed.services.items()}
+    if gone := sorted(name for name, one in whole.services.items() if name not in there and not one.profiles):
+        yield f"no robot runs {', '.join(gone)} {whose}"
 
 
 def is_of_here(plan: PlanFile) -> bool:

@@ -58,3 +58,22 @@ def test_why_the_address_of_a_robot_is_not_known_is_said(lab: Path, capsys: pyte
     said = capsys.readouterr().err
     assert "unreachable: r1: no route to it\n" in said
     assert "the address of r1 is not known" in said and "give -i INVENTORY that has it" in said
+
+
+@pytest.mark.parametrize("tool", ["compose", "swarm", "kubernetes"])
+def test_a_plan_of_a_stranger_places_no_service_elsewhere_than_its_edf_does(
+    lab: Path, capsys: pytest.CaptureFixture[str], tool: str
+) -> None:
+    """Whoever is root on r2 would have the secret of `db`; and who runs the others is said to be the plan's word."""
+    edf = "edf: 1\nname: demo\nservices: {db: {image: busybox, robot: r1}, login: {image: busybox}, "
+    edf += "web: {image: busybox, replicas: 2}}\n"
+    write(lab, edf, {"db": "r2", "web-1": "r2", "web-2": "r2"}, {})
+    assert run(["export", tool, "p.json", *GIVEN]) == 5
+    assert "the plan places db on r2, and its EDF has it on r1" in capsys.readouterr().err
+    assert not (lab / "out").exists()
+    write(lab, edf, {"db": "r1", "web-1": "r2", "web-2": "r2"}, {})
+    assert run(["export", tool, "p.json", *GIVEN]) == 0
+    said, readme = capsys.readouterr().err, (lab / "out" / "README.md").read_text().replace("\\", "")
+    for told in ("r1 runs db", "r2 runs web-1, web-2", "no robot runs login"):
+        line = f"{told} by the word of the plan, which was not written here"
+        assert f"note: {line}\n" in said and line in readme
