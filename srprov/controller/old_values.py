@@ -35,12 +35,12 @@ _IN_FILE = "a secret stands in it: not shown"
 
 
 class _Asked(msgspec.Struct, frozen=True):
-    """A step whose old values are read, and from where."""
+    """A step whose old values are read, and from where; a new file of srprov's own has none."""
 
     step: Step
     host: str
     """The robot on which the old one is: another one than the step's, when a service moves."""
-    item: Observed
+    item: Observed | None
     queries: tuple[AnyQuery, ...]
 
 
@@ -55,8 +55,8 @@ def with_differences(
         observed: Robot -> what was found there.
         wanted: All that should be true; the content of what is shipped stands in it.
         look: Asks the robots.
-        strange: Also what changes in srprov's own files, which follows from the definitions, but in a file of somebody
-            else's is his word: they tell services where the others are.
+        strange: Also what changes in srprov's own files, and what new ones hold. It follows from the definitions, but
+            in a plan file of somebody else's it is his word: they tell services where the others are.
     """
     asked = list(_asked(steps, observed, strange=strange))
     replies = _ask(look, [(one.host, one.queries) for one in asked])
@@ -101,18 +101,17 @@ def _asked(
     count: dict[str, int] = {}
     for step in steps:
         place = there.get((step.host, step.module, step.name)) or moved.get((step.module, step.name))
-        if step.want is None or place is None:
+        is_told = strange and not is_record_path(step.name) if _is_own(step) else place is not None
+        if step.want is None or not is_told:  # a record is compared with its own plan
             continue
-        if _is_own(step) and (not strange or is_record_path(step.name)):  # a record is compared with its own plan
-            continue
-        host, item = place
-        queries = MODULES[step.module].old_queries(step.name, step.want.params, item.state)
+        host, item = place or (step.host, None)
+        queries = MODULES[step.module].old_queries(step.name, step.want.params, item.state) if item else ()
         count[host] = count.get(host, 0) + bool(queries)
         yield _Asked(step, host, item, queries if count[host] <= _MOST_ASKED else ())
 
 
 def _told(one: _Asked, want: Resource, said: Sequence[Reply]) -> tuple[Difference, ...]:
-    params, state = want.params, one.item.state
+    params, state = want.params, one.item.state if one.item else {}
     return whole(params, state, said) if _is_own(one.step) else MODULES[want.module].differences(params, state, said)
 
 

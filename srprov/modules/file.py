@@ -132,11 +132,11 @@ class FileModule(Module[FileParams]):
 
 
 def whole(want: object, found: State, said: Sequence[Reply]) -> tuple[Difference, ...]:
-    """Return what changes in a file of srprov's own, with each new line of it; nothing for what is no file.
+    """Return what changes in a file of srprov's own, with each new line, or is in a new one; none for what is no file.
 
     In a plan of somebody else's they are his word, and one that is not shown may lead a service to his host.
     """
-    if not isinstance(want, FileParams) or found["sha256"] == sha256_of(want.data):
+    if not isinstance(want, FileParams) or found.get("sha256") == sha256_of(want.data):
         return ()
     return (whole_difference("content", said[0] if said else Reply(status=1, ok=False), want.text),)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from srprov.planning.planfile import dump
 from srprov.planning.planhash import check_hash, expected_hash, plan_hash
 from srprov.planning.planread import load
 from srprov.planning.text import plan_text
-from srprov.resource import Difference
+from srprov.resource import Action, Difference
 from srprov.secret import Secret, forget
 from srprov.wire import EngineQuery
 from tests.fakes import World
@@ -389,6 +390,25 @@ def test_what_changes_in_srprovs_own_files_is_shown_of_a_plan_from_elsewhere(
     assert f"\n        +{line}\n".replace("\t", "\\t") in shown
     assert "placement.json" not in shown
     assert "203.0.113.9" not in plan_text(check_plan(saved, fleet(world), adopt=True).plan)
+
+
+def test_what_is_in_a_new_file_of_srprovs_own_is_shown_of_a_plan_from_elsewhere() -> None:
+    """The plan moves `web` to a robot that has no hosts file yet, and said `srprov's own file: 1 to add` of it."""
+    world = running(experiment(service("db", robot="r1"), service("web", robot="r2")), "r2", "r3")
+    moved = experiment(service("db", robot="r1"), service("web", robot="r3"))
+    saved = load(kept(world, moved), "plan.json")
+    step = next(one for one in saved.plan.steps if one.id == "r3/file:/var/lib/srprov/hello/hosts")
+    assert step.want is not None and step.change.action is Action.CREATE
+    his = re.sub(r"(?m)^.*\tdb$", "203.0.113.9\tdb", step.want.params.text)
+    written = {**step.want.written, "content": his}
+    want = replace(step.want, params=replace(step.want.params, content=his), written=written)
+    change = MODULES["file"].check(want.name, want.params, None)
+    assert change is not None
+    steps = tuple(replace(one, want=want, change=change) if one == step else one for one in saved.plan.steps)
+    plan = check_plan(replace(saved, plan=replace(saved.plan, steps=steps)), fleet(world), adopt=True).plan
+    assert "\n        +203.0.113.9\\tdb\n" in plan_text(plan)
+    assert "placement.json" not in plan_text(plan)
+    assert "content:" not in plan_text(plan_for(world, moved))
 
 
 def test_what_changes_in_srprovs_own_files_follows_from_the_definitions_here() -> None:
