@@ -107,6 +107,7 @@ def _located(
     """Find the one container that is meant, and give the session with its robot."""
     from srprov.controller.located import locate
     from srprov.controller.sent_to import trusted
+    from srprov.controller.turned import refuse_turned
     from srprov.facts.gather import Detail
 
     inventory = inputs.load_inventory(inventories)
@@ -118,6 +119,7 @@ def _located(
             raise UsageError(
                 f"{where.where}: its container is not there", hint="`srprov apply` makes it", code=Code.NOTHING_RUNS
             )
+        refuse_turned(session, where.container)
         yield session, where
 
 

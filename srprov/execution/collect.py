@@ -17,11 +17,11 @@ from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.execution.listing import Entry, Listing, ListingError
 from srprov.execution.result_scripts import LIST, TAR, UNNAMEABLE, WHY, ending, inside
-from srprov.modules.mount_place import LED
+from srprov.modules.mount_place import led_of
 from srprov.pace import TOO_LITTLE, Pace
 from srprov.sandbox import MISSING, ended_with_channel
 from srprov.session import Session, Streams
-from srprov.untrusted import absolute, json_or_none, mapping, mappings, string, string_map
+from srprov.untrusted import absolute, mapping, mappings, string
 
 _T = TypeVar("_T")
 _HASHED_PER_S = 2 << 20
@@ -73,7 +73,7 @@ def place_of(inspected: object, path: str) -> Place | None:
         inside = target and (path == target or path.startswith(f"{target}/"))
         if inside and absolute(mount.get("Source")) and (best is None or best[0] < len(target)):
             best = (len(target), mount, path[len(target) :].strip("/") or ".")
-    return _placed(inspected, best[1], best[2]) if best else None
+    return _placed(best[1], best[2], led_of(inspected)) if best else None
 
 
 def places_below(inspected: object, path: str) -> list[tuple[str, Place]]:
@@ -82,18 +82,18 @@ def places_below(inspected: object, path: str) -> list[tuple[str, Place]]:
     What the folder itself lies in shows an empty folder at their places.
     """
     found: dict[str, Place] = {}
+    led = led_of(inspected)
     for mount in _mounts(inspected):
         target, source = string(mount.get("Destination")), absolute(mount.get("Source"))
         if target.startswith(f"{path.rstrip('/')}/") and source and mount.get("RW") is not False:
-            found[target[len(path.rstrip("/")) :].strip("/")] = _placed(inspected, mount, ".")
+            found[target[len(path.rstrip("/")) :].strip("/")] = _placed(mount, ".", led)
     return sorted(found.items())
 
 
-def _placed(inspected: object, mount: Mapping[str, Any], path: str) -> Place:
+def _placed(mount: Mapping[str, Any], path: str, led: Mapping[str, str]) -> Place:
     """Return a path below a mount; of a path of the robot's the container's label says where it led."""
-    root, labels = absolute(mount.get("Source")), string_map(mapping(mapping(inspected).get("Config")).get("Labels"))
-    led = string_map(json_or_none(labels.get(LED, ""))) if mount.get("Type") == "bind" else {}
-    return Place(root=root, path=path, real=absolute(led.get(root)))
+    root = absolute(mount.get("Source"))
+    return Place(root=root, path=path, real=led.get(root, ""))
 
 
 def _mounts(inspected: object) -> list[Mapping[str, Any]]:

@@ -170,7 +170,7 @@ def test_a_container_gets_of_a_path_what_the_plan_showed(lab: Lab, tmp_path: Pat
 
 
 def test_what_a_container_left_is_read_where_its_path_led_when_it_was_made(lab: Lab, tmp_path: Path) -> None:
-    """Another container turned that path to another experiment's secrets: `collect` brought one home, as root."""
+    """Another container turned that path to another experiment's secrets: `collect`, and `cp`, brought one home."""
     path, inventory = tmp_path / "experiment.edf", part_of_lab(lab, ["robot1"], tmp_path / "lab.yml")
     path.write_text(
         edf("paths", {"a": busybox(robot="robot1", volumes=["/srv/turned/maps:/m"])}, results={"a": ["/m"]})
@@ -188,12 +188,21 @@ def test_what_a_container_left_is_read_where_its_path_led_when_it_was_made(lab: 
         done, first = lab.srprov(*collect), brought.read_text()
         lab.shell("robot1", "ln", "-sfn", "/run/srprov/other/secrets", "/srv/turned/maps")
         again = lab.srprov(*collect)
+        copied = lab.srprov("cp", str(path), "-i", inventory, "a:/m/map", str(tmp_path / "map"))
+        sent = lab.srprov("cp", str(path), "-i", inventory, str(path), "a:/m/")
+        decoys = lab.shell("robot1", "ls", "/run/srprov/other/secrets").out
+        lab.shell("robot1", "ln", "-sfn", "real", "/srv/turned/maps")
+        back = lab.srprov("cp", str(path), "-i", inventory, "a:/m/map", str(tmp_path / "map"))
     finally:
         lab.srprov("destroy", str(path), "-i", inventory, "--yes")
         lab.shell("robot1", "rm", "-r", "/srv/turned", "/run/srprov/other")
     assert (done.code, first) == (0, "map\n"), done
     assert (again.code, "leads elsewhere than when its container was made" in again.err) == (3, True), again
     assert brought.read_text() == "map\n"
+    for one in (copied, sent):
+        assert (one.code, "/srv/turned/maps on robot1 leads to /run/srprov/other/secrets" in one.err) == (9, True), one
+    assert decoys.split() == ["map"]
+    assert (back.code, (tmp_path / "map").read_text()) == (0, "map\n"), back
 
 
 def test_where_a_link_leads_is_said_of_a_path_that_will_be_made_behind_it(lab: Lab, tmp_path: Path) -> None:

@@ -1,0 +1,69 @@
+"""What a container mounts leads where it led when that was made, or nothing is copied; by a shell of this machine."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from srprov.controller.turned import refuse_turned
+from srprov.errors import RefusedError
+from srprov.modules.mount_place import LED
+from srprov.session import Reader
+from srprov.wire import AnyQuery, EngineQuery, Query, Reply
+
+
+class Robot:
+    """One that says of each container the same."""
+
+    host = "robot1"
+    identity = "robot1"
+
+    def __init__(self, led: Mapping[str, str], mounts: Sequence[Mapping[str, Any]]) -> None:
+        self.about = {"Mounts": mounts, "Config": {"Labels": {LED: json.dumps(led)}}}
+
+    def ask(self, queries: Sequence[AnyQuery]) -> Sequence[Reply]:
+        return [self._one(query) for query in queries]
+
+    def measure(self) -> None:
+        return None
+
+    def _one(self, query: AnyQuery) -> Reply:
+        if isinstance(query, EngineQuery):
+            return Reply(status=200, out=json.dumps(self.about))
+        assert isinstance(query, Query)
+        done = subprocess.run(["sh", "-c", query.command], capture_output=True, text=True, check=False)
+        return Reply(status=done.returncode, out=done.stdout, ok=done.returncode == 0)
+
+
+def looked(led: Mapping[str, str], kind: str = "bind") -> None:
+    robot: Reader = Robot(led, [{"Type": kind, "Source": path} for path in led])
+    refuse_turned(robot, "srprov.x.a")
+
+
+def test_nothing_is_copied_by_way_of_a_link_that_came_since(tmp_path: Path) -> None:
+    """Another container turned that path to a third one's secrets: `cp` brought one home, and wrote there."""
+    maps, other = tmp_path / "it's maps", tmp_path / "other"
+    maps.mkdir()
+    other.mkdir()
+    led = {str(maps): str(maps)}
+    looked(led)
+    maps.rmdir()
+    looked(led)  # the engine tells that nothing is there
+    maps.symlink_to(other)
+    with pytest.raises(RefusedError, match=f"maps on robot1 leads to {other}, and to {maps} when srprov.x.a was made"):
+        looked(led)
+    looked({str(maps): str(other)})
+    looked(led, "volume")  # a label of the image's
+    maps.unlink()
+    maps.symlink_to(maps.name)
+    with pytest.raises(RefusedError, match="leads to what cannot be told"):
+        looked(led)
+
+
+def test_of_a_container_without_the_label_nothing_is_asked() -> None:
+    looked({})
