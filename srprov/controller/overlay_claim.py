@@ -75,15 +75,18 @@ def mixed_up(
     """Return the peers of encrypted overlays of which one gets the key of another robot than its addresses are of.
 
     That one would be sent, and could send, what is the other's. `steps` are those of `wants` that are not there yet.
+    Each robot that is a peer has its interface among those.
     """
     ends: dict[str, set[str]] = {}
     for want in wants:
         if isinstance(want.params, WireguardParams):
             ends.setdefault(want.host, set()).add(want.params.address)
+        elif isinstance(want.params, NetworkParams):  # a robot's address in the tunnel is that of its bridge
+            ends.setdefault(want.host, set()).add(want.params.gateway)
     whose = {end: {robot for robot, some in ends.items() if end in some} for some in ends.values() for end in some}
     for want in steps:
         if isinstance(want.params, WireguardPeersParams) and not all(
-            underlays.get(robot) == host_of(endpoint) and whose.get(end, {robot} - ends.keys()) == {robot}
+            underlays.get(robot) == host_of(endpoint) and whose.get(end) == {robot}
             for robot, endpoint, end in want.params.peers
         ):
             yield want

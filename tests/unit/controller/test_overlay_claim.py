@@ -21,6 +21,14 @@ def interfaces(**ends: str) -> list[Resource]:
     ]
 
 
+def bridges(**ends: str) -> list[Resource]:
+    more = {"instance": "x", "source": "", "bridge": "srpb0000000a", "subnet": "10.128.0.0/16", "mtu": 1370}
+    return [
+        resource("network", "srprov.x", {**more, "gateway": end, "vni": 1, "port": 4789}, host=robot)
+        for robot, end in ends.items()
+    ]
+
+
 def peers(*some: tuple[str, str, str], host: str = "r1") -> Resource:
     return resource(
         "wireguard_peers", "srpw0000000aa", {"instance": "x", "peers": [list(one) for one in some]}, host=host
@@ -45,6 +53,15 @@ def test_no_robot_s_key_is_given_to_the_addresses_of_another_one(peer: tuple[str
     assert list(mixed_up([changed], wants, UNDERLAYS)) == [changed]
 
 
+def test_no_robot_s_interface_has_the_address_of_another_one_s_bridge() -> None:
+    """The file gave each of two robots the other one's address: what went to the one's services came to the other."""
+    swapped = interfaces(r1=ENDS["r1"], r2="10.128.0.3", r3=ENDS["r2"])
+    wants = [*swapped, *bridges(**ENDS, r3="10.128.0.3"), changed := peers(("r3", "192.0.2.3:20000", ENDS["r2"]))]
+    assert list(mixed_up([changed], wants, UNDERLAYS)) == [changed]
+    wants[:6] = interfaces(r1=ENDS["r1"])  # nor where the file leaves out whose it is
+    assert list(mixed_up([changed], wants, UNDERLAYS)) == [changed]
+
+
 def test_two_robots_with_one_address_are_neither_of_them() -> None:
     wants = [
         *interfaces(r1=ENDS["r1"], r2=ENDS["r2"], r3=ENDS["r2"]),
@@ -53,9 +70,10 @@ def test_two_robots_with_one_address_are_neither_of_them() -> None:
     assert list(mixed_up([changed], wants, UNDERLAYS)) == [changed]
 
 
-def test_a_robot_out_of_reach_keeps_the_address_that_nobody_else_has() -> None:
+def test_peers_at_their_own_addresses_are_right() -> None:
     wants = [
-        *interfaces(**ENDS),
+        *interfaces(**ENDS, r3="10.128.0.3"),
+        *bridges(**ENDS, r3="10.128.0.3"),
         right := peers(("r2", "192.0.2.2:20000", ENDS["r2"]), ("r3", "192.0.2.3:1", "10.128.0.3")),
     ]
     assert list(mixed_up([right], wants, UNDERLAYS)) == []
