@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import functools
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from ipaddress import ip_address
 
 from srprov.controller.robot_files import is_record_path
 from srprov.modules.container_params import ContainerParams
@@ -92,13 +94,22 @@ def mixed_up(
             yield want
 
 
+def _end(text: str) -> str:
+    """Return an address, or a MAC, in the one spelling of all that engines take it in."""
+    try:
+        address = ip_address(text)
+    except ValueError:
+        return ":".join(re.findall("..", re.sub("[^0-9a-f]", "", text.lower())))
+    return str(getattr(address, "ipv4_mapped", None) or address)
+
+
 def had_twice(wants: Sequence[Resource]) -> Iterator[str]:
     """Say which services have one address or MAC: what is sent to the one of them would come to the other one."""
     found: dict[str, set[str]] = {}
     for want in wants:
         if isinstance(want.params, ContainerParams):
             for end in filter(None, (want.params.network.ip, want.params.network.mac)):
-                found.setdefault(end, set()).add(want.params.service)
+                found.setdefault(_end(end), set()).add(want.params.service)
     for end, services in sorted(found.items()):
         if len(services) > 1:
             yield f"{end}: {' and '.join(sorted(services))} would both have it"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from unittest import mock
 
@@ -244,15 +245,29 @@ def test_no_robot_is_let_into_an_overlay_where_no_service_of_it_runs(world: Worl
     assert not said & changed, "that a service runs there is what the plan shows"
 
 
-def test_no_two_services_of_a_plan_file_have_one_address(world: World) -> None:
-    """Who asks for the one would be answered by the other one, which may be nearer."""
+@pytest.mark.parametrize(
+    ("field", "spelt"),
+    [
+        ("ip", str),
+        ("ip", "::ffff:{}".format),
+        ("mac", str),
+        ("mac", str.upper),
+        ("mac", lambda mac: mac.replace(":", "-")),
+    ],
+    ids=["address", "as of IPv6", "MAC", "capitals", "dashes"],
+)
+def test_no_two_services_of_a_plan_file_have_one_address(
+    world: World, field: str, spelt: Callable[[str], str]
+) -> None:  # fmt: skip
+    """Who asks for the one would be answered by the other one, which may be nearer; engines take many spellings."""
     saved = reread(planned(world))
     first, second, *_ = (one for one in wants_of(saved) if one.module == "container")
-    network = replace(second.params.network, ip=first.params.network.ip)
+    end = getattr(first.params.network, field)
+    network = replace(second.params.network, **{field: spelt(end)})
     changed = replace(second, params=replace(second.params, network=network))
     also = tuple(changed if one == second else one for one in saved.also_wanted)
     steps = tuple(replace(one, want=changed) if one.want == second else one for one in saved.plan.steps)
-    with pytest.raises(UsageError, match=rf"{first.params.network.ip}: \w+ and \w+ would both have it"):
+    with pytest.raises(UsageError, match=rf"{end}: \w+ and \w+ would both have it"):
         check_file(replace(saved, plan=replace(saved.plan, steps=steps), also_wanted=also), "plan.json")
 
 
