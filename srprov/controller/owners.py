@@ -31,7 +31,7 @@ from srprov.untrusted import mapping, parse_json, string, string_map, strings
 
 _LONGEST_FILE = 1 << 20
 _DIGITS = 40
-_WORDS = ("instance", "edf", "source", "token", "bundle")
+_WORDS = ("instance", "edf", "source", "token", "bundle", "left")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -52,6 +52,10 @@ class Owner:
     """What is known of the bundle that brought the EDF; empty for one of the user's own."""
     first: bool = False
     """Another bundle brought the EDF that was there before, and nothing was made of this one yet."""
+    left: str = ""
+    """While that is so: the bundle of which what is on robots was made."""
+    earlier: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}), repr=False)
+    """Bundles that were there before -> their tokens, for when one comes back."""
 
     def label(self, robot: str, volume: str) -> str:
         """Return the label of a volume that this owner makes."""
@@ -104,6 +108,8 @@ def _is_of(kept: Owner, source: str) -> bool:
 def note_bundle(instance: str, edf: str, bundle: str) -> None:
     """Write down which bundle brought an EDF: what was made of another one's, by the same path, is not this one's.
 
+    One that comes back has what was made of it, and goes on where nothing was made of others meanwhile.
+
     Raises:
         UsageError: It cannot be written.
     """
@@ -113,7 +119,10 @@ def note_bundle(instance: str, edf: str, bundle: str) -> None:
     of_it = Owner(edf=path, source=source, bundle=bundle)
     for one in there:
         if one.bundle != bundle:
-            keep(replace(of_it, instance=one.instance, token=secrets.token_hex(16), first=True))
+            left, earlier = one.left if one.first else one.bundle, {**one.earlier, one.bundle: one.token}
+            token = earlier.pop(bundle, "") or secrets.token_hex(16)
+            new = replace(of_it, instance=one.instance, token=token, first=left != bundle)
+            keep(replace(new, left=left if new.first else "", earlier=earlier))
     if instance not in {one.instance for one in there}:
         keep(replace(of_it, instance=instance, token=secrets.token_hex(16)))
 
@@ -139,8 +148,8 @@ def keep(owner: Owner) -> None:
     if _read(file) == owner:
         return
     words = {name: getattr(owner, name) for name in _WORDS}
-    more = {"adopted": sorted(owner.adopted), "places": dict(owner.places), "first": owner.first}
-    text = json.dumps({**words, **more}, indent=2) + "\n"
+    maps = {"places": dict(owner.places), "earlier": dict(owner.earlier)}
+    text = json.dumps({**words, **maps, "adopted": sorted(owner.adopted), "first": owner.first}, indent=2) + "\n"
     try:
         believed.write(file, text, _LONGEST_FILE)
     except OSError as error:
@@ -171,8 +180,12 @@ def _read(file: Path) -> Owner | None:
     except (OSError, ValueError):
         return None
     words = {key: string(read.get(key)) for key in _WORDS}
-    adopted, places = frozenset(strings(read.get("adopted"))), string_map(read.get("places"))
-    return Owner(**words, adopted=adopted, places=places, first=read.get("first") is True) if words["token"] else None
+    if not words["token"]:
+        return None
+    return Owner(
+        **words, adopted=frozenset(strings(read.get("adopted"))), places=string_map(read.get("places")),
+        first=read.get("first") is True, earlier=string_map(read.get("earlier")),
+    )  # fmt: skip
 
 
 def _bytes(text: str) -> bytes:

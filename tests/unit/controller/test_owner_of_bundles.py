@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -29,6 +30,27 @@ def test_each_bundle_has_a_token_of_its_own(tmp_path: Path) -> None:
     note_bundle("tour", edf, "b")
     other = read_owner("tour", edf)
     assert other.first and other.label("r1", "srprov.tour.data") != mine.label("r1", "srprov.tour.data")
+
+
+def test_a_bundle_that_comes_back_has_what_was_made_of_it(tmp_path: Path) -> None:
+    """Who only tried another one, which was refused, lost his own data to `--adopt`, and was told that it was none."""
+    edf = str(tmp_path / "tour.edf")
+    note_bundle("tour", edf, "a")
+    mine = read_owner("tour", edf)
+    for other in ("b", "c"):
+        note_bundle("tour", edf, other)
+        assert read_owner("tour", edf).first
+    note_bundle("tour", edf, "a")
+    now = read_owner("tour", edf)
+    assert (now.token, now.first) == (mine.token, False), "of the others nothing was made"
+    note_bundle("tour", edf, "b")
+    keep(replace(read_owner("tour", edf), first=False))  # as what was adopted, or made when all was destroyed
+    for comes in ("c", "a"):
+        note_bundle("tour", edf, comes)
+        assert read_owner("tour", edf).first, "what runs may be of the second one"
+    assert read_owner("tour", edf).token == mine.token, "volumes tell whose they are"
+    note_bundle("tour", edf, "b")
+    assert not read_owner("tour", edf).first
 
 
 def test_a_repository_that_lay_there_before_has_its_own_token_still(tmp_path: Path) -> None:
