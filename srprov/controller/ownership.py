@@ -140,11 +140,12 @@ def absent(snapshot: Snapshot, instance: str, known: Mapping[str, str], services
 def check_source(snapshot: Snapshot, instance: str, source: str, *, adopt: bool, first: bool = False) -> None:
     """Refuse to take over what another experiment of the same name made.
 
-    `first` says that nothing was made of this one yet: what has its source is another bundle's, which was there before.
+    `first` says that nothing was made of this one yet: what has its source is of another bundle, or of an EDF of the
+    user's, which was there before.
     """
     said = made_by_another(snapshot, instance, source)
     if first and not said and (there := _where(snapshot, instance)):
-        said = f"instance '{instance}' on {few(there, 3)} was made of another bundle, which was in the folder before"
+        said = f"instance '{instance}' on {few(there, 3)} was made of what was in the folder before this bundle"
     if not adopt and said:
         hint = "run it under another name with --instance NAME, destroy the other one, or take it over with --adopt"
         raise RefusedError(said, hint=hint, code=Code.OWNER)

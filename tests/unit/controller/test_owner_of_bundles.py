@@ -88,7 +88,7 @@ def test_what_another_bundle_left_is_taken_over_by_word_alone(tmp_path: Path) ->
     assert plan_for(free, what, owner=owner).steps
     world = World().add("r1")
     assert apply(world, what).exit_code == 0
-    with pytest.raises(RefusedError, match="'hello' on r1 was made of another bundle"):
+    with pytest.raises(RefusedError, match="'hello' on r1 was made of what was in the folder before"):
         plan_for(world, what, owner=owner)
     remember_owner(plan_for(world, what, owner=owner, adopt=True), owner)
     assert not read_owner("hello", edf).first
