@@ -352,6 +352,11 @@ class Disk:
                 return "".join(f"{hashlib.sha256(every[one]).hexdigest()}  {one}\n" for one in sorted(there))
         return None
 
+    def maker(self, command: str) -> str:
+        """Print the part of a placement record that says who made the instance."""
+        record = self.files.get(next(word for word in shlex.split(command) if word.endswith("/placement.json")))
+        return "".join(re.findall(r'"source":"(?:[^"\\]|\\.)*"', record.decode())[:1]) if record else ""
+
     def records(self) -> str:
         """Print placement records, as grep does."""
         records = [(p, c.decode()) for p, c in sorted(self.files.items()) if p.endswith("/placement.json")]

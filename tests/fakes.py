@@ -299,6 +299,8 @@ class FakeRobot:
             return Reply(status=0, out=content)
         if command == ":":
             return Reply(status=0)
+        if command.startswith('grep -oE \'"source":'):
+            return Reply(status=0, out=self.disk.maker(command))
         if command == USED.command:
             return Reply(status=0, out=self.used)
         if command == "cat /proc/self/mountinfo":

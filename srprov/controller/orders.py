@@ -13,6 +13,7 @@ from msgspec.structs import replace
 
 from srprov.codes import Code
 from srprov.controller.located import Located, Whereabouts
+from srprov.controller.ownership import makers_of
 from srprov.controller.plan import Planned
 from srprov.definitions.model import Service
 from srprov.errors import UsageError
@@ -66,7 +67,7 @@ def make_order(order: Order, there: Whereabouts, snapshot: Snapshot, services: M
         notes=(*there.notes, *notes),
         unreachable={one.host: snapshot.unreachable[one.host] for one in chosen if one.host in snapshot.unreachable},
     )
-    return Planned(plan=plan, snapshot=snapshot)
+    return Planned(plan=plan, snapshot=snapshot, makers=makers_of(snapshot, there.instance))
 
 
 def _in_order(some: Sequence[Located], services: Mapping[str, Service], *, backwards: bool) -> list[Located]:

@@ -21,6 +21,7 @@ from srprov.network.identity import link_names, tunnel_links
 from srprov.network.record import read_record
 from srprov.record.memory import Memory, digest, recall
 from srprov.resource import Observed
+from srprov.untrusted import string
 
 _LONGEST = 300
 """Characters of what a robot says of who made an instance."""
@@ -179,6 +180,14 @@ def made_by_another(snapshot: Snapshot, instance: str, source: str) -> str:
     for where, other in sorted(strange.items()):
         return f"instance '{instance}' on {where} was made from {shown_maker(other)}, not from {source}"
     return ""
+
+
+def makers_of(snapshot: Snapshot, instance: str, source: str = "") -> frozenset[str]:
+    """Return who made what robots have of an instance, whomever one believes, and the source of a plan."""
+    items = (item for items in snapshot.observed.values() for item in items if item.instance == instance)
+    labelled = {str(item.state.get("source", "")) for item in items}
+    recorded = {str(held[instance].get("source", "")) for held in snapshot.records.values() if instance in held}
+    return frozenset({source, string(source), *labelled, *recorded} - {""})
 
 
 def shown_maker(source: str) -> str:

@@ -30,7 +30,7 @@ from srprov.controller.old_values import with_differences
 from srprov.controller.overlay_notes import overlay_notes
 from srprov.controller.own_files import asked_for
 from srprov.controller.owners import Owner
-from srprov.controller.ownership import check_source, owned, trusting
+from srprov.controller.ownership import check_source, makers_of, owned, trusting
 from srprov.controller.permissions import permit_planning
 from srprov.controller.phases import Phases
 from srprov.controller.plan_value import plan_value
@@ -76,6 +76,8 @@ class Planned(msgspec.Struct, frozen=True, kw_only=True):
     plan: Plan
     snapshot: Snapshot | None = None
     """The robots as they were; None for a plan from a file."""
+    makers: frozenset[str] | None = None
+    """Who had made the instance by then, as robots tell it, and its own source; None: it is about no instance."""
     definitions: Definitions | None = None
     experiment: Experiment | None = None
     """With every instance as a service of its own."""
@@ -123,9 +125,8 @@ def make_plan(
         RefusedError: The instance belongs to another source, or asks for what the user or the lab does not allow.
         NoAssignment, UsageError, RenderError, PlanError: as their rooms say.
     """
-    definitions = _plannable(definitions, look.inventory, request)
+    definitions, phases = _plannable(definitions, look.inventory, request), phases or Phases()
     instance, source = request.instance or definitions.experiment.name, source_of(definitions.experiment.file)
-    phases = phases or Phases()
     snapshot, notes = trusting(look.first(), instance, adopt=request.adopt)
     check_source(snapshot, instance, source, adopt=request.adopt, first=bool(request.owner and request.owner.first))
     choice = choice_of(definitions, look.inventory, snapshot, instance, request)
@@ -154,6 +155,7 @@ def make_plan(
         desired=desired, images={image.tag: image for image in inputs.images.values()}, playbooks=theirs,
         owner=inputs.data.owner, amiss=amiss, decided=decided(choice, snapshot, instance, request),
         unbuilt=bundled.unbuilt(definitions.containers, inputs.experiment, inputs.bundled),
+        makers=makers_of(look.first(), instance, source),  # whomever one believes
     )  # fmt: skip
 
 

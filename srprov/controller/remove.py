@@ -6,7 +6,7 @@ from srprov.controller.data import holdings
 from srprov.controller.data_owner import refuse_strange
 from srprov.controller.fleet import Fleet
 from srprov.controller.owners import Owner
-from srprov.controller.ownership import check_source, looking, owned
+from srprov.controller.ownership import check_source, looking, makers_of, owned
 from srprov.controller.plan import Planned
 from srprov.facts.gather import Detail
 from srprov.facts.model import Snapshot
@@ -59,7 +59,8 @@ def make_removal(
         notes=tuple(notes),
         unreachable=snapshot.unreachable,
     )
-    return Planned(plan=plan, snapshot=snapshot, owner=owner if volumes else None)
+    makers = makers_of(snapshot, instance, plan.source)
+    return Planned(plan=plan, snapshot=snapshot, makers=makers, owner=owner if volumes else None)
 
 
 def other_instances(snapshot: Snapshot, instance: str, source: str) -> list[str]:

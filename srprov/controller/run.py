@@ -77,7 +77,8 @@ def run(
             listener(event)
 
         forgetful = remembering.begin(planned, fleet.connected())
-        result = run_plan(planned.plan, fleet.connected(), recorded, replace(options, run=folder.name), stop, held)
+        options = replace(options, run=folder.name, makers=planned.makers)
+        result = run_plan(planned.plan, fleet.connected(), recorded, options, stop, held)
         unnoted = remembering.note_built(result, fleet.connected())
         forgetful = unnoted or remembering.end(planned, result, options.verb, fleet.connected()) or forgetful
         document = run_json(planned.plan, result, fleet.connected(), phases)

@@ -19,7 +19,7 @@ from srprov.controller.data_sets import refuse_files
 from srprov.controller.fleet import Fleet
 from srprov.controller.image_builders import check_builders, counted, proofs_of
 from srprov.controller.old_values import as_reviewed, with_differences, without_old_lines
-from srprov.controller.ownership import check_source, looking, owned
+from srprov.controller.ownership import check_source, looking, makers_of, owned
 from srprov.controller.permissions import require_decided
 from srprov.controller.plan import Planned
 from srprov.controller.plan_proof import check_claim, proved, provers
@@ -144,7 +144,7 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
         if not (owners or signed):  # last: of a file that was changed it is told what was
             check_claim(saved, snapshot, adopt=adopt)
         plan = _as_found(saved, steps, snapshot, look, ours=bool(owners))
-    return Planned(plan=plan, saved=saved)
+    return Planned(plan=plan, saved=saved, makers=makers_of(snapshot, plan.instance, plan.source))
 
 
 def _as_found(

@@ -9,6 +9,7 @@ from srprov.codes import Code
 from srprov.controller.ownership import shown_maker
 from srprov.controller.trial_plan import TrialPlan
 from srprov.errors import RefusedError
+from srprov.execution.others import refuse_made_since
 from srprov.execution.trial_at_once import at_once
 from srprov.modules.container import ContainerModule
 from srprov.session import Session
@@ -37,3 +38,5 @@ def refuse_others(plan: TrialPlan, sessions: Mapping[str, Session]) -> None:
                     hint="run it again, under another name with --instance NAME",
                     code=Code.OWNER,
                 )
+    # a container of another name would still be inside of what is somebody else's by now
+    refuse_made_since(plan.base.plan.instance, plan.base.makers or {plan.base.plan.source}, sessions, hosts)

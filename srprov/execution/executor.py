@@ -22,6 +22,7 @@ from srprov.execution.ending import CLOSING_S, LOOK_S, Ending
 from srprov.execution.lock_set import LockSet, lock_options
 from srprov.execution.locks import claim
 from srprov.execution.options import RunOptions
+from srprov.execution.others import refuse_others
 from srprov.execution.outcome import Event, Listener, Outcome, RunResult, StepResult, ended_with, past
 from srprov.execution.probe_beside import bringing_ahead, probing_beside
 from srprov.execution.robot import RobotExecutor, round_trip_size
@@ -43,6 +44,7 @@ def walk(
     waiting = lock_options(plan, options)
     with nullcontext(held) if held else LockSet(robots, sessions, mine, waiting, stop, listener).acquire() as locks:
         reached = {host: session for host, session in sessions.items() if host not in locks.lost}
+        refuse_others(plan, options.makers, reached)
         run = _Run(reached, listener, options, stop, locks.lost, plan.leads)
         with bringing_ahead(options.probing, plan.steps, reached) as brought:
             run.walk(cut(plan.steps))
@@ -77,16 +79,14 @@ class _Run:
         leads: Mapping[str, Mapping[str, str]],
     ) -> None:
         self.sessions, self.listener, self.options, self.stop = sessions, listener, options, stop
+        most_s, may = options.stop_timeout_s, options.triggers
         self.robots = {
-            host: RobotExecutor(
-                session, listener, options.stop_timeout_s, host in options.triggers, leads.get(host, {})
-            )
+            host: RobotExecutor(session, listener, most_s, host in may, leads.get(host, {}))
             for host, session in sessions.items()
         }
         self.ending = Ending(stop, options.patience_s, listener)
         self.results: dict[int, StepResult] = {}
-        self.lost: dict[str, str] = dict(lost)
-        self.kinds: dict[str, set[str]] = {}
+        self.lost, self.kinds = dict(lost), dict[str, set[str]]()
 
     def walk(self, batches: tuple[Batch, ...]) -> None:
         """Start each batch as soon as all that it needs has ended."""

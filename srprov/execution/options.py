@@ -43,6 +43,9 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     lock_wait_s: float = 0.0
     """How long to wait for a robot that somebody else holds."""
     pulse: Pulse = msgspec.field(default_factory=Pulse)
+    makers: frozenset[str] | None = None
+    """Who made the instance, as far as the plan knew, its own source too: with anybody else's on a robot nothing is
+    done. None: nobody looks."""
     probing: OverlayProbe | None = None
     """What to try when something on the overlay changed; None: nothing."""
 

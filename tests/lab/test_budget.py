@@ -12,7 +12,7 @@ pytestmark = pytest.mark.lab
 
 ROBOTS = ("robot1", "robot2", "robot3")
 NOTHING_TO_DO = 1
-FRESH = 8
+FRESH = 9
 PER_CONTAINER = 2
 PROBE = 3
 """The program, who is where, and what it says."""
