@@ -42,7 +42,7 @@ OWN_KEYS = PROJECT_KEYS | {
     *("quiet", "json", "detailed-exitcode", "exit-code", "pareto", "follow", "stop-timeout", "resume", "only", "show"),
     *("older-than", "cache", "since", "timestamps", "until", "env", "user", "workdir", "tty", "metric", "over"),
     *("discard", "rerun", "reason", "accept-changes", "rotate-keys", "no-probe", "network", "profile"),
-    *("margin", "strict", "with", "map", "twin", "set", "name", "env-file", "robot-map", "home", "lab"),
+    *("margin", "strict", "with", "map", "twin", "set", "name", "env-file", "robot-map", "root", "home", "lab"),
     *("preserve", "check", "diff", "example", "owner"),
     *("with-images", "no-bundled-images", "editor", "changed", "target", "expect", "extract", "wide", "all-instances"),
     *("lossy", "connect-rate", "engine", "site", "host", "port", "no-secret", "watch"),
