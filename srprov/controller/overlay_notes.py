@@ -7,14 +7,20 @@ the plan is told which, and by whose word.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from ipaddress import IPv4Network
+
 from srprov.definitions.model import Experiment, NetworkSettings
 from srprov.facts.model import Snapshot
+from srprov.modules.network import NetworkParams
 from srprov.names import few
 from srprov.network.foreign import foreign_uses, overlap
 from srprov.network.identity import identify, link_names
 from srprov.network.model import Overlay
+from srprov.planning.plan import Step
 
 _SHOWN = 4
+_LOST = "what is reached there by a default route is reached no more"
 
 
 def overlay_notes(overlay: Overlay, snapshot: Snapshot, experiment: Experiment) -> tuple[str, ...]:
@@ -49,7 +55,7 @@ def _of_subnet(overlay: Overlay, snapshot: Snapshot, settings: NetworkSettings) 
     """Return a note when a robot gets a subnet that neither the EDF nor the instance's name says."""
     if not overlay.active or settings.subnet is not None:
         return ()
-    usual = identify(overlay.instance, NetworkSettings(), Snapshot(facts={}, observed={})).subnet
+    usual = _usual(overlay.instance)
     having = [robot for robot in sorted(snapshot.observed) if _has(robot, overlay, snapshot)]
     new = sorted((overlay.vteps.keys() & snapshot.facts.keys()) - {*having})
     if overlay.subnet == str(usual) or not new:
@@ -62,8 +68,29 @@ def _of_subnet(overlay: Overlay, snapshot: Snapshot, settings: NetworkSettings) 
         why = "its last placement has that"
     return (
         f"the overlay takes {overlay.subnet} on {few(new, _SHOWN)}, and not {usual} as by its name: {why}; "
-        "what is reached there by a default route is reached no more (network.subnet says which it shall be)",
+        f"{_LOST} (network.subnet says which it shall be)",
     )
+
+
+def notes_of_a_plan_from_elsewhere(instance: str, steps: Iterable[Step]) -> Iterator[str]:
+    """Yield a note for each subnet that is new on a robot, and that an instance's name does not say.
+
+    The line of a new network does not tell it, and what notes such a file has is its writer's word, too.
+    """
+    new: dict[str, set[str]] = {}
+    for step in steps:
+        if step.want and isinstance(step.want.params, NetworkParams):
+            new.setdefault(step.want.params.subnet, set()).add(step.host)
+    for subnet, robots in sorted(new.items()):
+        if subnet != str(usual := _usual(instance)):
+            why = "by the word of the plan, which was not written here"
+            where = few(sorted(robots), _SHOWN)
+            yield f"the overlay takes {subnet} on {where}, and not {usual} as by its name: {why}; {_LOST}"
+
+
+def _usual(instance: str) -> IPv4Network:
+    """Return the subnet that an instance's name gives where nothing else has it."""
+    return identify(instance, NetworkSettings(), Snapshot(facts={}, observed={})).subnet
 
 
 def _has(robot: str, overlay: Overlay, snapshot: Snapshot) -> bool:

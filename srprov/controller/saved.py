@@ -19,6 +19,7 @@ from srprov.controller.data_sets import refuse_files
 from srprov.controller.fleet import Fleet
 from srprov.controller.image_builders import check_builders, counted, proofs_of
 from srprov.controller.old_values import as_reviewed, with_differences, without_old_lines
+from srprov.controller.overlay_notes import notes_of_a_plan_from_elsewhere
 from srprov.controller.ownership import check_source, looking, makers_of, owned
 from srprov.controller.permissions import require_decided
 from srprov.controller.plan import Planned
@@ -150,7 +151,7 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
 def _as_found(
     saved: PlanFile, steps: tuple[Step, ...], snapshot: Snapshot, look: Gathering, *, ours: bool
 ) -> Plan:  # fmt: skip
-    """Return a file's plan with its steps as they were derived, and what robots say.
+    """Return a file's plan with its steps as they were derived, what robots say, and what a stranger's file may hide.
 
     Raises:
         StalePlan: They say what a file that was written here (`ours`) does not tell.
@@ -158,6 +159,8 @@ def _as_found(
     plan, (noted, leads) = saved.plan, notes_of_robots(steps, snapshot, look)
     if ours:
         refuse_unnoted(saved, noted)
+    else:
+        noted = (*noted, *notes_of_a_plan_from_elsewhere(plan.instance, steps))
     notes, away = tuple(dict.fromkeys((*plan.notes, *noted))), {**plan.unreachable, **snapshot.unreachable}
     return replace(plan, steps=steps, notes=notes, unreachable=away, leads=leads)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from unittest import mock
@@ -15,7 +16,7 @@ from srprov.controller.plan import Planned
 from srprov.controller.request import PlanRequest
 from srprov.controller.saved import check_plan, kept_plan
 from srprov.definitions.containermodel import Mount
-from srprov.definitions.model import Definitions
+from srprov.definitions.model import Definitions, NetworkSettings
 from srprov.errors import RefusedError, StalePlan, UsageError
 from srprov.planning.plan import Step
 from srprov.planning.planfile import PlanFile, dump
@@ -243,6 +244,20 @@ def test_no_robot_is_let_into_an_overlay_where_no_service_of_it_runs(world: Worl
     placed = replace(within.plan, assignment={**saved.plan.assignment, "four": "r9"})
     said = {one.service for one in asked(replace(within, plan=placed))}
     assert not said & changed, "that a service runs there is what the plan shows"
+
+
+def test_a_subnet_that_a_plan_from_elsewhere_chose_is_told() -> None:
+    """What root on a robot reached there by its default route went to a container; its writer left out the note."""
+    what = replace(FIRST, name="new", network=NetworkSettings(subnet="10.200.0.0/20"))
+    world = World().add("r1", "r2", "r3")
+    saved = reread(planned(world, what))
+    assert "the overlay takes" not in str(check_plan(saved, fleet(world)).plan.notes), "written here"
+    usual = reread(planned(world, replace(what, network=NetworkSettings())))
+    shutil.rmtree(owners_folder())
+    saved = replace(saved, plan=replace(saved.plan, notes=()))
+    (note,) = (one for one in check_plan(saved, fleet(world), adopt=True).plan.notes if "the overlay takes" in one)
+    assert note.startswith("the overlay takes 10.200.0.0/20 on r1, r2, r3, and not 10.") and "word of the plan" in note
+    assert "the overlay takes" not in str(check_plan(usual, fleet(world), adopt=True).plan.notes)
 
 
 @pytest.mark.parametrize(
