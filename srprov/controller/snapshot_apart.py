@@ -47,6 +47,9 @@ def _is_on_overlay(fields: Mapping[str, Any]) -> bool:
 
 
 def _lends_its_robot(fields: Mapping[str, Any]) -> bool:
-    """Return whether a service mounts an engine's socket, or what is as grave."""
+    """Return whether a service mounts an engine's socket, or what is as grave, or any path in the place of such a one.
+
+    On the robot that may be a link to it, or the engine may have its socket elsewhere; a client looks at its own place.
+    """
     binds = [one for one in fields.get("volumes", ()) if one["type"] == "bind"]
-    return any(mount_kind(one["source"], read_only="read_only" in one)[0] == GRAVE for one in binds)
+    return any(mount_kind(one[end])[0] == GRAVE for one in binds for end in ("source", "target"))

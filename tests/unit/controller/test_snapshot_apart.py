@@ -11,8 +11,8 @@ from srprov.secret import redact
 from tests.unit.controller.test_snapshot import Robot, box, taken
 
 
-def with_bind(made: dict[str, Any], source: str) -> dict[str, Any]:
-    return {**made, "Mounts": [{"Type": "bind", "Source": source, "Destination": "/x", "RW": True}]}
+def with_bind(made: dict[str, Any], source: str, place: str = "/x") -> dict[str, Any]:
+    return {**made, "Mounts": [{"Type": "bind", "Source": source, "Destination": place, "RW": True}]}
 
 
 def services(edf: dict[str, Any]) -> set[str]:
@@ -30,6 +30,14 @@ def test_no_robot_reaches_a_container_that_has_another_one_s_engine(tmp_path: Pa
     assert (note["robot"], note["kind"], note["subject"]) == ("r2", "lost", "container socket-proxy")
     document, edf, _ = taken(tmp_path / "one", r2=robots["r2"])
     assert services(edf) == {"socket-proxy", "web"} and "gives its robot away" not in str(document)
+
+
+@pytest.mark.parametrize("place", ["/var/run/docker.sock", "/run/podman/podman.sock", "/run/user/1000/docker.sock"])
+def test_a_link_to_an_engine_s_socket_is_known_by_its_place_in_the_container(tmp_path: Path, place: str) -> None:
+    """Only the robot knows where `/srv/engine` leads, or that its engine listens there, too."""
+    proxy = with_bind(box(1, "socket-proxy"), "/srv/engine", place)
+    _, edf, _ = taken(tmp_path / "two", r1=Robot(boxes=[box(2, "camera")]), r2=Robot(boxes=[proxy, box(3, "web")]))
+    assert services(edf) == {"camera", "web"}
 
 
 def test_what_is_on_no_overlay_or_has_data_alone_stays(tmp_path: Path) -> None:
