@@ -47,7 +47,7 @@ def draft(wanted: Wanted) -> Draft:
     """
     check_named([*wanted.files, *wanted.env_files, *filter(None, [wanted.robot_map])])
     if wanted.root:
-        check_root(wanted.root)
+        check_root(wanted.root, wanted.files)
     grouped = robots.by_robot(wanted.robot_map, wanted.files) if wanted.robot_map else {"": list(wanted.files)}
     machines = [_machine(files, robot, wanted) for robot, files in grouped.items()]
     every = [one.normal for one in machines]

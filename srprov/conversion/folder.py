@@ -96,7 +96,7 @@ def _has_profiles(draft: Draft) -> bool:
 
 def _fill(draft: Draft, place: str, passed_over: tuple[str, ...], files: Sequence[str]) -> None:
     tree = Tree(place)
-    folders = {*draft.homes, *(os.path.dirname(os.path.realpath(one)) for one in files)}
+    folders = draft.homes or {os.path.dirname(os.path.realpath(one)) for one in files}
     copying = _Copying(tree, draft.withheld, passed_over, folders)
     for below, source in sorted(draft.copies.items()):
         try:

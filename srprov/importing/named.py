@@ -19,8 +19,10 @@ from srprov.importing.normal import Refused
 from srprov.importing.position import Position
 
 
-def check_root(folder: str) -> None:
-    """Refuse a folder for a whole project that a link leads to elsewhere, or that is the user's home or holds it.
+def check_root(folder: str, files: Sequence[str]) -> None:
+    """Refuse a folder for a whole project that a link leads to elsewhere, that holds the user's home, or no file.
+
+    What the files include may have a project of its own, below them.
 
     Raises:
         Refused: It is one.
@@ -30,9 +32,15 @@ def check_root(folder: str) -> None:
     elif link_out(folder):
         message = "it leads out of the folder in which it is named"
         hint = f"if you mean what it leads to, name that: {quote(os.path.realpath(folder))}"
+    elif not any(_are_together(os.path.realpath(folder), os.path.realpath(one)) for one in files):
+        message, hint = "none of the files lies in it", "name a folder that is around them, or below one"
     else:
         return
     raise Refused([Diagnostic(Position(folder), message, hint=hint, code=Code.OUTSIDE)])
+
+
+def _are_together(folder: str, file: str) -> bool:
+    return inside(file, folder) or inside(folder, os.path.dirname(file))
 
 
 def check_named(files: Sequence[str]) -> None:

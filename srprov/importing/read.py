@@ -63,7 +63,7 @@ def normalise(
         named = [File(str(file), str(file)) for file in files]
         roots = dict.fromkeys(os.path.dirname(os.path.realpath(file.path)) for file in named)
         sources = {file.shown: {os.path.realpath(file.path)} for file in named}
-        reading = Reading((*roots, *filter(None, [root])), root, frozenset(own), sources=sources)
+        reading = Reading(tuple(roots), root, frozenset(own), sources=sources)
         return _normalise(named, reading, profiles, env_files, settings or {}, project)
 
 

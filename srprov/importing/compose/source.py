@@ -62,7 +62,8 @@ class Reading:
             Refused: It does not.
         """
         real = os.path.realpath(path)
-        if not any(belongs(real, root) for root in open_to(self.roots, self.near(named.at.file))):
+        roots = (*self.roots, *filter(None, [self.project]))
+        if not any(belongs(real, root) for root in open_to(roots, self.near(named.at.file))):
             where = "outside of the folder of the file that says so, in .git or the like"
             message = f"'{named.data}' lies {where}, or elsewhere by another name (a hard link), and is not read"
             raise Refused([Diagnostic(named.at, message, hint=HINT, code=Code.OUTSIDE)])
@@ -83,7 +84,9 @@ class Reading:
 
     def nearest(self, shown: str) -> list[str]:
         """Return the nearest folder of a named file around each file that was read under a name."""
-        return [self.whole(one) for one in nearest(self.roots, self.sources.get(shown, ()))]
+        # a whole project that is only included has the variables of who includes it, as without that word
+        roots = {*self.roots, *map(self.whole, self.roots)}
+        return [self.whole(one) for one in nearest(tuple(roots), self.sources.get(shown, ()))]
 
     def note_secrets(self, tree: Value, folders: Collection[str]) -> None:
         """Note what a file calls secrets' files, wherever its relative paths may begin."""

@@ -386,3 +386,35 @@ def test_a_home_and_a_link_are_no_whole_project(
     monkeypatch.setenv("HOME", str(tmp_path))
     assert run(["import", "compose", "docker/compose.yml", "--root", "..", "-o", "new"]) == 5
     assert "it is your home" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("ros_project")
+def test_a_folder_with_none_of_the_files_is_no_whole_project(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["import", "compose", "docker/compose.yml", "--root", "src", "-o", "new"]) == 5
+    assert "none of the files lies in it" in capsys.readouterr().err and not Path("new").exists()
+
+
+def test_what_is_included_may_be_the_whole_project(ros_project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Then that has nothing of the user's own file but its variables, as without it."""
+    Path("docker/compose.yml").write_text("services: {nav: {image: 'x:${TAG}', volumes: ['../src:/s:ro']}}\n")
+    own = ros_project.parent
+    (own / ".env").write_text("TAG=8\n")
+    (own / "mine.yml").write_text("include: [nav/docker/compose.yml]\n")
+    words = ["import", "compose", str(own / "mine.yml"), "--root", ".", "-o"]
+    assert run([*words, "new"]) == 0, capsys.readouterr().err
+    assert list(Path("new/files").rglob("node.py"))
+    assert "x:8" in Path("new/experiment.edf").read_text()
+    (own / "private.txt").write_text(CANARY)
+    Path("docker/compose.yml").write_text("services: {nav: {image: x, volumes: ['../../private.txt:/p:ro']}}\n")
+    assert run([*words, "other"]) == 5
+    assert "lies outside" in capsys.readouterr().out and not Path("other").exists()
+
+
+@pytest.mark.usefixtures("ros_project")
+def test_both_names_of_a_file_may_be_in_a_whole_project(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("docker/conf/init.sql").hardlink_to("db/init.sql")
+    Path("docker/compose.yml").write_text("services: {a: {image: x, volumes: ['./conf:/c:ro']}}\n")
+    assert run(["import", "compose", "docker/compose.yml", "-o", "new"]) == 5
+    assert "hard link" in capsys.readouterr().err
+    assert run(["import", "compose", "docker/compose.yml", "--root", ".", "-o", "new"]) == 0, capsys.readouterr().err
+    assert list(Path("new/files").rglob("init.sql"))
