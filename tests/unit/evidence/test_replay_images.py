@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
 from srprov.controller.request import BundledImage
-from srprov.evidence.replay_images import Kept, _called, _of_services, in_words
+from srprov.definitions import load_experiment
+from srprov.evidence.replay_images import Kept, _built, _called, _of_services, in_words
 from srprov.facts.model import HostFacts, Snapshot
 from srprov.oci.layout import Stored
 
@@ -52,6 +54,18 @@ def test_whose_word_it_is_which_image_a_name_stands_for_is_said_before_the_quest
         f"own: the bundle's srprov/x:1, aaaaaaaaaaaa, {by_its_word}",
         "theirs: the bundle's srprov/x:1, aaaaaaaaaaaa, as its robot1 had it",
     ]
+
+
+def test_which_services_are_built_the_definitions_say(tmp_path: Path) -> None:
+    (tmp_path / "base.cdf").write_text("cdf: 1\nbase: debian:12\npackages: {apt: [curl]}\n")
+    (tmp_path / "more.cdf").write_text("cdf: 1\nextends: base.cdf\ncommand: [run]\n")
+    (tmp_path / "there.cdf").write_text("cdf: 1\nimage: busybox:1\n")
+    services = "own: {cdf: base.cdf}, again: {cdf: more.cdf}, there: {cdf: there.cdf}, theirs: {image: srprov/x:1}"
+    (tmp_path / "tour.edf").write_text(f"edf: 1\nname: tour\nservices: {{{services}}}\n")
+    found = load_experiment(str(tmp_path / "tour.edf"))
+    last = SimpleNamespace(choice=SimpleNamespace(experiment=found.experiment))
+    told = cast(Any, SimpleNamespace(definitions=found, last=last))
+    assert {*_built(told)} == {"own", "again"}
 
 
 def test_a_journal_says_nothing_else_where_an_image_is_named() -> None:
