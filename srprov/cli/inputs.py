@@ -50,7 +50,7 @@ def load_inventory(paths: tuple[str, ...]) -> Inventory:
         err(f"note: the inventory is {own}, of your own configuration; that of {visible(aside)} needs -i")
     inventory = load(list(paths), unnamed=unnamed_inventories(context, paths))
     if inventory.strange_record:
-        told = f"note: {visible(inventory.strange_record)} is not of a run of this machine, or of an older srprov's"
+        told = f"note: {visible(inventory.strange_record)} is not known as of a run here whose inventory you named"
         err(f"{told}: it says only where robots are; to trust it, copy it elsewhere")
     if not inventory.hosts:
         raise UsageError(f"no robots in {', '.join(paths)}", hint="add hosts to the inventory", code=Code.NO_ROBOT)
@@ -80,9 +80,10 @@ def _with_become_password(inventory: Inventory) -> Inventory:
     if not lacking:
         return inventory
     if not inventory.named:
-        whose = "another machine's record" if inventory.strange_record else "an inventory that you did not name"
+        whose, hint = "an inventory that you did not name", "name it yourself: -i FILE"
+        if inventory.strange_record:
+            whose, hint = "a record that may be a stranger's", "copy it elsewhere, and name the copy"
         message = f"-K would tell sudo's password to robots of {whose}"
-        hint = "copy it elsewhere, and name the copy" if inventory.strange_record else "name it yourself: -i FILE"
         raise UsageError(message, hint=f"if you trust it, {hint}", code=Code.UNNAMED_INVENTORY)
     if not sys.stdin.isatty():
         hint = "set ansible_become_password in the inventory, e.g. in host_vars/ that only you can read"

@@ -90,4 +90,6 @@ def test_robots_of_the_record_of_another_machine_are_told_none(
     recorded.write_text("all: {hosts: {r2: {ansible_user: pi, ansible_host: 127.0.0.1, ansible_port: 1}}}\n")
     monkeypatch.setattr(click, "prompt", lambda *_words, **_more: pytest.fail("it was asked for"))
     assert run(["facts", "-K", "-i", str(recorded)]) == 5
-    assert "sudo's password to robots of another machine's record" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "sudo's password to robots of a record that may be a stranger's" in said
+    assert "is not known as of a run here whose inventory you named: it says only where robots are" in said

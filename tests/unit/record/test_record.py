@@ -14,13 +14,16 @@ from pathlib import Path
 from types import MappingProxyType
 
 import pytest
+from msgspec.structs import replace
 
+from srprov import own_records
 from srprov.definitions.model import Host, Inventory
 from srprov.definitions.repository_names import repository_among
 from srprov.execution import Event
 from srprov.planning.planfile import PlanFile, document
 from srprov.record import RunFolder, RunInputs, default_root, event_json, run_id, write_inputs
 from srprov.record.documents import inventory_document
+from srprov.record.folder import PlainFolder
 from srprov.record.input_places import inputs
 from srprov.record.plain import plain
 from srprov.resource import Action
@@ -179,6 +182,28 @@ def test_the_default_place_follows_xdg(monkeypatch: pytest.MonkeyPatch, tmp_path
     monkeypatch.setenv("XDG_STATE_HOME", "relative")
     monkeypatch.setenv("HOME", "/home/ada")
     assert default_root() == Path("/home/ada/.local/state/srprov/runs")
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_a_record_s_inventory_is_the_user_s_own_word_where_he_had_named_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, named: bool
+) -> None:
+    """That of a project that he ran has the names, groups and addresses of whoever wrote it."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    world = World().add("r1")
+    Secret(word := "a-user-that-is-a-secret")
+    lab = inventory(world)
+    lab = replace(lab, hosts={"r1": replace(lab.hosts["r1"], user=word)}, named=named)
+    plan = plan_of(world, experiment(service("a", robot="r1")))
+    file = PlanFile(plan=plan, fingerprints={})
+    run = RunInputs(verb="apply", owner="a@b", version="1", plan=plan, file=file, inventory=lab, desired=())
+    write_inputs(PlainFolder(tmp_path / "plain"), run)
+    with RunFolder(tmp_path / "runs", run_id(plan, NOW)) as folder:
+        write_inputs(folder, run)
+    for one in (tmp_path / "plain", folder.path):
+        written = one / "inputs" / "inventory.yml"
+        assert word not in written.read_text()
+        assert own_records.is_known(str(written)) is named
 
 
 def test_the_inventory_is_written_without_passwords() -> None:
