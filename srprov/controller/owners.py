@@ -34,6 +34,15 @@ _DIGITS = 40
 _WORDS = ("instance", "edf", "source", "token", "bundle", "left")
 
 
+@dataclass(frozen=True, slots=True)
+class Had:
+    """What a bundle had that was in a place before."""
+
+    token: str = field(repr=False)
+    adopted: frozenset[str]
+    places: Mapping[str, str]
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Owner:
     """Who may use the volumes of an instance."""
@@ -54,8 +63,8 @@ class Owner:
     """Another bundle brought the EDF that was there before, and nothing was made of this one yet."""
     left: str = ""
     """While that is so: the bundle of which what is on robots was made."""
-    earlier: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}), repr=False)
-    """Bundles that were there before -> their tokens, for when one comes back."""
+    earlier: Mapping[str, Had] = field(default_factory=lambda: MappingProxyType({}), repr=False)
+    """Bundles that were there before -> what they had, for when one comes back."""
 
     def label(self, robot: str, volume: str) -> str:
         """Return the label of a volume that this owner makes."""
@@ -119,10 +128,11 @@ def note_bundle(instance: str, edf: str, bundle: str) -> None:
     of_it = Owner(edf=path, source=source, bundle=bundle)
     for one in there:
         if one.bundle != bundle:
-            left, earlier = one.left if one.first else one.bundle, {**one.earlier, one.bundle: one.token}
-            token = earlier.pop(bundle, "") or secrets.token_hex(16)
-            new = replace(of_it, instance=one.instance, token=token, first=left != bundle)
-            keep(replace(new, left=left if new.first else "", earlier=earlier))
+            left, before = one.left if one.first else one.bundle, Had(one.token, one.adopted, one.places)
+            earlier = {**one.earlier, one.bundle: before}
+            had = earlier.pop(bundle, Had(secrets.token_hex(16), frozenset(), {}))
+            new = replace(of_it, instance=one.instance, token=had.token, adopted=had.adopted, places=had.places)
+            keep(replace(new, first=left != bundle, left=left if left != bundle else "", earlier=earlier))
     if instance not in {one.instance for one in there}:
         keep(replace(of_it, instance=instance, token=secrets.token_hex(16)))
 
@@ -148,8 +158,8 @@ def keep(owner: Owner) -> None:
     if _read(file) == owner:
         return
     words = {name: getattr(owner, name) for name in _WORDS}
-    maps = {"places": dict(owner.places), "earlier": dict(owner.earlier)}
-    text = json.dumps({**words, **maps, "adopted": sorted(owner.adopted), "first": owner.first}, indent=2) + "\n"
+    earlier = {bundle: {"token": one.token, **_lists(one)} for bundle, one in owner.earlier.items()}
+    text = json.dumps({**words, **_lists(owner), "first": owner.first, "earlier": earlier}, indent=2) + "\n"
     try:
         believed.write(file, text, _LONGEST_FILE)
     except OSError as error:
@@ -158,6 +168,14 @@ def keep(owner: Owner) -> None:
             hint="it says that the experiment's volumes are yours",
             code=Code.CANNOT_WRITE,
         ) from error
+
+
+def _lists(one: Owner | Had) -> dict[str, object]:
+    return {"adopted": sorted(one.adopted), "places": dict(one.places)}
+
+
+def _had(read: Mapping[str, object]) -> Had:
+    return Had(string(read.get("token")), frozenset(strings(read.get("adopted"))), string_map(read.get("places")))
 
 
 def _place(instance: str, edf: str, source: str) -> Path:
@@ -182,9 +200,10 @@ def _read(file: Path) -> Owner | None:
     words = {key: string(read.get(key)) for key in _WORDS}
     if not words["token"]:
         return None
+    some = {bundle: _had(mapping(one)) for bundle, one in mapping(read.get("earlier")).items()}
+    had, earlier = _had(read), {bundle: one for bundle, one in some.items() if one.token}
     return Owner(
-        **words, adopted=frozenset(strings(read.get("adopted"))), places=string_map(read.get("places")),
-        first=read.get("first") is True, earlier=string_map(read.get("earlier")),
+        **words, adopted=had.adopted, places=had.places, first=read.get("first") is True, earlier=earlier
     )  # fmt: skip
 
 

@@ -53,6 +53,20 @@ def test_a_bundle_that_comes_back_has_what_was_made_of_it(tmp_path: Path) -> Non
     assert not read_owner("tour", edf).first
 
 
+def test_a_bundle_that_comes_back_has_what_it_took_over(tmp_path: Path) -> None:
+    """As a newer bundle has the data of an older one by `--adopt`, which is said once."""
+    edf = str(tmp_path / "tour.edf")
+    note_bundle("tour", edf, "newer")
+    keep(replace(read_owner("tour", edf), adopted=frozenset({"r1/data/1"}), places={"data": "r1"}))
+    mine = read_owner("tour", edf)
+    note_bundle("tour", edf, "b")
+    other = read_owner("tour", edf)
+    assert other.first and not other.adopted and not other.places
+    note_bundle("tour", edf, "newer")
+    now = read_owner("tour", edf)
+    assert (now.token, now.adopted, dict(now.places), now.first) == (mine.token, mine.adopted, {"data": "r1"}, False)
+
+
 def test_a_repository_that_lay_there_before_has_its_own_token_still(tmp_path: Path) -> None:
     """And the bundle in its place one of its own, which is found again."""
     edf = str(tmp_path / "tour.edf")
