@@ -23,7 +23,7 @@ from srprov.importing.position import Path, Position
 from srprov.yamldoc import loader, nodes
 
 MOST_FILES = 200
-HINT = "copy it there, or say which folder is the whole project's: --root DIR"
+HINT = "copy it there; or, where the whole project is your own, say which folder that is: --root DIR"
 """Of what lies outside of the folder of the file that says so."""
 _KINDS = {bool: "a boolean", int: "a number", float: "a number", type(None): "nothing", Date: "a date"}
 

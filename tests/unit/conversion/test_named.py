@@ -360,7 +360,7 @@ def ros_project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_the_folder_of_a_whole_project_is_named_by_the_user(capsys: pytest.CaptureFixture[str]) -> None:
     """`docker/compose.yml` builds with `..`, as many projects do."""
     assert run(["import", "compose", "docker/compose.yml", "-o", "new"]) == 5
-    assert "say which folder is the whole project's: --root DIR" in capsys.readouterr().err
+    assert "where the whole project is your own, say which folder that is: --root DIR" in capsys.readouterr().err
     assert run(["import", "compose", "docker/compose.yml", "--root", ".", "-o", "new"]) == 0, capsys.readouterr().err
     made = {str(one.relative_to("new/files")) for one in Path("new/files").rglob("*") if one.is_file()}
     assert {"Dockerfile", "src/node.py", "db/init.sql", "docker/.env"} <= made and not any(
