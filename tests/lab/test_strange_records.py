@@ -13,12 +13,13 @@ from tests.lab.conftest import Lab, part_of_lab
 pytestmark = pytest.mark.lab
 
 
-def test_no_host_key_is_written_where_the_record_of_another_machine_says(lab: Lab, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", [".bashrc", "known_hosts"])
+def test_no_host_key_is_written_where_the_record_of_another_machine_says(lab: Lab, tmp_path: Path, name: str) -> None:
     """By `accept-new` each line went into the user's own `.bashrc`, under a name that the next shell ran."""
     inventory = part_of_lab(lab, ["robot1"], tmp_path / "lab.yml")
     address = yaml.safe_load(Path(inventory).read_text())["all"]["hosts"]["robot1"]["ansible_host"]
-    own = tmp_path / ".bashrc"
-    own.write_text("echo hello\n")
+    own = tmp_path / name
+    own.write_text("# mine\n")
     options = f"-o UserKnownHostsFile={own} -o StrictHostKeyChecking=accept-new -o HostKeyAlias=source"
     options += " -o HashKnownHosts=no"
     host = {"ansible_host": address, "ansible_user": "root", "ansible_ssh_common_args": options}
@@ -26,10 +27,11 @@ def test_no_host_key_is_written_where_the_record_of_another_machine_says(lab: La
     recorded.parent.mkdir(parents=True)
     recorded.write_text(json.dumps({"all": {"hosts": {"robot1": host}}}))
     done = lab.srprov("facts", "-i", str(recorded))
-    assert "it says only where robots are" in done.err and own.read_text() == "echo hello\n", done
+    assert "it says only where robots are" in done.err and own.read_text() == "# mine\n", done
     (tmp_path / "copy.yml").write_text(recorded.read_text())
     lab.srprov("facts", "-i", str(tmp_path / "copy.yml"))
-    assert own.read_text().startswith("echo hello\nsource ssh-"), "as an inventory of the user's own it may"
+    written = own.read_text().startswith("# mine\nsource ssh-")
+    assert written is (name == "known_hosts"), "an inventory of the user's own may, in a file of host keys"
 
 
 def test_the_record_of_a_run_of_this_machine_reaches_its_robots(lab: Lab, tmp_path: Path) -> None:
