@@ -5,7 +5,7 @@ Takes machines and the user's choices; gives a `Draft`. Looks at the file system
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -94,9 +94,19 @@ def convert(
         withheld=frozenset(making.withheld),
         findings=tuple(sorted(findings, key=lambda one: (one.at, one.key, one.message))),
         variables=tuple(one for project in projects for one in project.machine.normal.variables),
-        notes=tuple(one for project in projects for one in project.machine.normal.warnings),
+        notes=(*_together(projects), *(one for project in projects for one in project.machine.normal.warnings)),
         origins=making.origins,
     )
+
+
+def _together(projects: Sequence[Project]) -> Iterator[Note]:
+    """Yield what several robots' files open to each other: a network of Compose's ends at its robot."""
+    some = [one for one in projects if any(map(names_used.on_overlay, (one.document.get("services") or {}).values()))]
+    if len(some) > 1:
+        where = some[0].machine.normal.position_of(("services",))
+        message = "all robots' services reach each other at every port on the overlay, also at what is not published"
+        hint = "where one of them has an engine's socket, or no password, import each robot's files by themselves"
+        yield Note(where, message, hint)
 
 
 def _project(machine: Machine, making: Making) -> Project:

@@ -110,6 +110,18 @@ def test_files_of_two_machines_become_one_experiment(here: Path) -> None:
     assert load_experiment(here / "out" / "experiment.edf").containers
 
 
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(("second", "noted"), [("", True), ("network_mode: host", False)])
+def test_what_robots_open_to_each_other_is_told(second: str, noted: bool) -> None:
+    """In Compose a proxy of the engine's socket on a network of its own is reached on its robot alone."""
+    Path("a.yml").write_text("services: {web: {image: x}}\n")
+    Path("b.yml").write_text(f"services: {{proxy: {{image: x, {second}}}}}\n")
+    Path("robots.yml").write_text("a.yml: r1\nb.yml: r2\n")
+    said = "all robots' services reach each other at every port"
+    assert imported("a.yml", "b.yml", "--robot-map", "robots.yml", "--strict") == 0
+    assert (said in Path("out/import-report.md").read_text()) is noted
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
