@@ -116,7 +116,8 @@ def _again(
     evidence.unpack(bundle, folder)
     definitions = read_definitions(str(folder / again.edf), request.allowed, request.profiles)
     check_wanted(definitions, wanted)
-    note_bundle(request.instance or definitions.experiment.name, definitions.experiment.file, bundle.digest)
+    name, edf = request.instance or definitions.experiment.name, definitions.experiment.file
+    note_bundle(name, edf, bundle.digest, str(folder))
     with ExitStack() as stack:
         if ours is None:
             from srprov.cli.replay_lab import lab_for

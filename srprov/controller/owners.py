@@ -34,15 +34,6 @@ _DIGITS = 40
 _WORDS = ("instance", "edf", "source", "token", "bundle", "left")
 
 
-@dataclass(frozen=True, slots=True)
-class Had:
-    """What a bundle had that was in a place before."""
-
-    token: str = field(repr=False)
-    adopted: frozenset[str]
-    places: Mapping[str, str]
-
-
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Owner:
     """Who may use the volumes of an instance."""
@@ -63,8 +54,8 @@ class Owner:
     """Another bundle brought the EDF that was there before, and nothing was made of this one yet."""
     left: str = ""
     """While that is so: the bundle of which what is on robots was made."""
-    earlier: Mapping[str, Had] = field(default_factory=lambda: MappingProxyType({}), repr=False)
-    """Bundles that were there before -> what they had, for when one comes back."""
+    earlier: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}), repr=False)
+    """Bundles that were there before -> their tokens, for when one comes back."""
 
     def label(self, robot: str, volume: str) -> str:
         """Return the label of a volume that this owner makes."""
@@ -114,27 +105,35 @@ def _is_of(kept: Owner, source: str) -> bool:
     return kept.source in ("", source) or not any("://" in one for one in (kept.source, source))
 
 
-def note_bundle(instance: str, edf: str, bundle: str) -> None:
+def note_bundle(instance: str, edf: str, bundle: str, folder: str = "") -> None:
     """Write down which bundle brought an EDF: what was made of another one's, by the same path, is not this one's.
 
-    One that comes back has what was made of it, and goes on where nothing was made of others meanwhile.
+    So it is with every path below `folder`, all of which the bundle brought: it may have further EDFs there. One that
+    comes back has what was made of it, and goes on where nothing was made of others meanwhile.
 
     Raises:
         UsageError: It cannot be written.
     """
     path = os.path.realpath(edf)
-    source = source_of(path)
-    there = [one for one in every_owner() if one.edf == path and _is_of(one, source)]
-    of_it = Owner(edf=path, source=source, bundle=bundle)
+    top = os.path.realpath(folder or edf)
+    there = [one for one in every_owner() if Path(one.edf).is_relative_to(top) and _is_of(one, source_of(one.edf))]
     for one in there:
         if one.bundle != bundle:
-            left, before = one.left if one.first else one.bundle, Had(one.token, one.adopted, one.places)
-            earlier = {**one.earlier, one.bundle: before}
-            had = earlier.pop(bundle, Had(secrets.token_hex(16), frozenset(), {}))
-            new = replace(of_it, instance=one.instance, token=had.token, adopted=had.adopted, places=had.places)
-            keep(replace(new, first=left != bundle, left=left if left != bundle else "", earlier=earlier))
-    if instance not in {one.instance for one in there}:
-        keep(replace(of_it, instance=instance, token=secrets.token_hex(16)))
+            left, earlier = one.left if one.first else one.bundle, {**one.earlier, one.bundle: one.token}
+            token, first = earlier.pop(bundle, "") or secrets.token_hex(16), left != bundle
+            of_it = Owner(instance=one.instance, edf=one.edf, source=source_of(one.edf), token=token, bundle=bundle)
+            keep(replace(of_it, first=first, left=left if first else "", earlier=earlier))
+    if (instance, path) not in {(one.instance, one.edf) for one in there}:
+        token, source = secrets.token_hex(16), source_of(path)
+        keep(Owner(instance=instance, edf=path, source=source, token=token, bundle=bundle))
+
+
+def as_it_is_now(source: str, instance: str, edf: str) -> str:
+    """Return an EDF's source for who goes on with what is there: one of its own while that is of what was there before.
+
+    A bundle may have come to the EDF's place since, and be a stranger's; see `note_bundle`.
+    """
+    return f"{source} of the bundle that came there since" if read_owner(instance, edf).first else source
 
 
 def owners_of(instance: str, source: str) -> tuple[Owner, ...]:
@@ -158,8 +157,8 @@ def keep(owner: Owner) -> None:
     if _read(file) == owner:
         return
     words = {name: getattr(owner, name) for name in _WORDS}
-    earlier = {bundle: {"token": one.token, **_lists(one)} for bundle, one in owner.earlier.items()}
-    text = json.dumps({**words, **_lists(owner), "first": owner.first, "earlier": earlier}, indent=2) + "\n"
+    maps = {"places": dict(owner.places), "earlier": dict(owner.earlier)}
+    text = json.dumps({**words, **maps, "adopted": sorted(owner.adopted), "first": owner.first}, indent=2) + "\n"
     try:
         believed.write(file, text, _LONGEST_FILE)
     except OSError as error:
@@ -168,14 +167,6 @@ def keep(owner: Owner) -> None:
             hint="it says that the experiment's volumes are yours",
             code=Code.CANNOT_WRITE,
         ) from error
-
-
-def _lists(one: Owner | Had) -> dict[str, object]:
-    return {"adopted": sorted(one.adopted), "places": dict(one.places)}
-
-
-def _had(read: Mapping[str, object]) -> Had:
-    return Had(string(read.get("token")), frozenset(strings(read.get("adopted"))), string_map(read.get("places")))
 
 
 def _place(instance: str, edf: str, source: str) -> Path:
@@ -200,10 +191,9 @@ def _read(file: Path) -> Owner | None:
     words = {key: string(read.get(key)) for key in _WORDS}
     if not words["token"]:
         return None
-    some = {bundle: _had(mapping(one)) for bundle, one in mapping(read.get("earlier")).items()}
-    had, earlier = _had(read), {bundle: one for bundle, one in some.items() if one.token}
     return Owner(
-        **words, adopted=had.adopted, places=had.places, first=read.get("first") is True, earlier=earlier
+        **words, adopted=frozenset(strings(read.get("adopted"))), places=string_map(read.get("places")),
+        first=read.get("first") is True, earlier=string_map(read.get("earlier")),
     )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from srprov.cli.inputs import named_instance
 from srprov.controller.data_owner import remember_owner
 from srprov.controller.owners import Owner, keep, note_bundle, read_owner
 from srprov.errors import RefusedError
@@ -107,3 +108,34 @@ def test_what_another_bundle_left_is_taken_over_by_word_alone(tmp_path: Path) ->
     remember_owner(plan_for(world, what, owner=owner, adopt=True), owner)
     assert not read_owner("hello", edf).first
     assert not plan_for(world, what, owner=read_owner("hello", edf)).steps
+
+
+def test_a_further_edf_of_a_bundle_has_nothing_of_an_earlier_one_either(tmp_path: Path) -> None:
+    """A bundle may bring several, and run trials of one that nobody knows: the next `apply` was of another one."""
+    home = tmp_path / "again/experiment"
+    for name in ("tour", "lab/tour"):
+        keep(Owner(instance="tour", edf=str(home / f"{name}.edf"), token="t", bundle="a"))
+    keep(Owner(instance="tour", edf=str(tmp_path / "again/experiments/tour.edf"), token="t"))
+    note_bundle("other", str(home / "other.edf"), "b", str(home))
+    assert not read_owner("other", str(home / "other.edf")).first
+    for name in ("tour", "lab/tour"):
+        now = read_owner("tour", str(home / f"{name}.edf"))
+        assert (now.first, now.bundle, now.left) == (True, "b", "a") and now.token != "t"
+    assert read_owner("tour", str(tmp_path / "again/experiments/tour.edf")).token == "t", "it lies elsewhere"
+    note_bundle("tour", str(home / "tour.edf"), "a", str(home))
+    assert read_owner("tour", str(home / "tour.edf")).token == "t"
+
+
+def test_who_goes_on_with_what_is_there_means_no_other_bundle_s(tmp_path: Path) -> None:
+    """`collect` brought its logs, `exec` gave it the user's words, and `stop` stopped it, by the path alone."""
+    edf = tmp_path / "tour.edf"
+    edf.write_text("{edf: 1, name: tour, services: {a: {image: busybox}}}")
+    note_bundle("tour", str(edf), "a")
+    name, source = named_instance(str(edf), "")
+    assert name == "tour" and source.endswith("/tour.edf")
+    note_bundle("tour", str(edf), "b")
+    assert named_instance(str(edf), "") == ("tour", f"{source} of the bundle that came there since")
+    assert named_instance(str(edf), "", leaving=True) == (name, source), "it can be destroyed"
+    assert named_instance(str(edf), "mine") == ("mine", source)
+    remember_owner(plan_for(World().add("r1"), experiment(service("web", robot="r1"))), read_owner("tour", str(edf)))
+    assert "since" not in named_instance(str(edf), "")[1], "it was made of this one"
