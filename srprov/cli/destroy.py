@@ -56,8 +56,7 @@ def destroy(
         check_all(file, instance, as_json=as_json, volumes=volumes, adopt=adopt)
     refuse_without_terminal(yes)
     inventory = inputs.load_inventory(inventories)
-    no_name = every and file is None
-    name, source = ("", "") if no_name else inputs.named_instance(file, instance, leaving=True)
+    name, source = ("", "") if every and file is None else inputs.named_instance(file, instance)
     chosen = inputs.selected(inventory, limit, exclude, inputs.failed_robots(name, runs) if name else None)
     with inputs.connect(inventory, timeout, forks, changing=True) as fleet:
 

@@ -119,11 +119,8 @@ def experiment_if_valid(path: str) -> Experiment | None:
         return None
 
 
-def named_instance(file: str | None, instance: str, *, leaving: bool = False) -> tuple[str, str]:
+def named_instance(file: str | None, instance: str) -> tuple[str, str]:
     """Return the instance's id and, when an EDF is named, its source; the EDF need not be valid any more for that.
-
-    What was made of another file in its place, before a bundle came there, is none of its source, but for who is
-    `leaving`: that is destroyed by the path that it has.
 
     Raises:
         UsageError: Neither an EDF nor --instance is given.
@@ -132,12 +129,12 @@ def named_instance(file: str | None, instance: str, *, leaving: bool = False) ->
         if not instance:
             raise UsageError("which experiment?", hint="name its EDF, or --instance ID", code=Code.WHICH)
         return instance, ""
-    from srprov.controller.owners import as_it_is_now
+    from srprov.controller.owners import read_owner, with_bundle
     from srprov.controller.source import named_instance as named
 
     name, source = named(file)
     name = instance or name
-    return name, source if leaving else as_it_is_now(source, name, file)
+    return name, with_bundle(source, read_owner(name, file))
 
 
 def tell_maker(snapshot: Snapshot, instance: str, source: str) -> None:

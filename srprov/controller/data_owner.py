@@ -91,7 +91,7 @@ def remember_owner(plan: Plan, owner: Owner | None) -> None:
         gone = {step.name for step in steps if owner.places.get(step.name) == step.host}
         made = {step.name: step.host for step in steps if step.want is not None}
         places = {name: robot for name, robot in owner.places.items() if name not in gone} | made
-        keep(dataclasses.replace(owner, source=plan.source, places=places, first=False))
+        keep(dataclasses.replace(owner, source=plan.source, places=places))
 
 
 def check_saved(plan: Plan, wants: Collection[Resource], snapshot: Snapshot, owners: Collection[Owner]) -> None:

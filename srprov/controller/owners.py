@@ -4,7 +4,7 @@ A volume's label is a hash of the token with the robot and the volume's name. So
 and by nobody else: neither a robot, nor a plan or record that was handed on, can make one. The token lies in the user's
 folder for state, under the instance and the EDF's real path. It counts for the source that it was kept with: another
 repository may lie at that path by now, a stranger's. A bundle that brings another EDF to that path has a token of its
-own. What `--adopt` took over is listed beside it.
+own, and is a source of its own. What `--adopt` took over is listed beside it.
 
 Reads and writes these files only.
 """
@@ -17,7 +17,7 @@ import json
 import os
 import secrets
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 
@@ -31,7 +31,18 @@ from srprov.untrusted import mapping, parse_json, string, string_map, strings
 
 _LONGEST_FILE = 1 << 20
 _DIGITS = 40
-_WORDS = ("instance", "edf", "source", "token", "bundle", "left")
+_WORDS = ("instance", "edf", "source", "token", "bundle")
+_OF_BUNDLE = 32
+"""Digits of what is known of a bundle that stand in a source."""
+
+
+@dataclass(frozen=True, slots=True)
+class Had:
+    """What a bundle had that was in a place before."""
+
+    token: str = field(repr=False)
+    adopted: frozenset[str]
+    places: Mapping[str, str]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -50,12 +61,8 @@ class Owner:
     """Volume -> the robot on which it was last made, for when that cannot be reached."""
     bundle: str = ""
     """What is known of the bundle that brought the EDF; empty for one of the user's own."""
-    first: bool = False
-    """Another bundle brought the EDF that was there before, and nothing was made of this one yet."""
-    left: str = ""
-    """While that is so: the bundle of which what is on robots was made."""
-    earlier: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}), repr=False)
-    """Bundles that were there before -> their tokens, for when one comes back."""
+    earlier: Mapping[str, Had] = field(default_factory=lambda: MappingProxyType({}), repr=False)
+    """Bundles that were there before -> what they had, for when one comes back."""
 
     def label(self, robot: str, volume: str) -> str:
         """Return the label of a volume that this owner makes."""
@@ -102,14 +109,27 @@ def read_owner(instance: str, edf: str) -> Owner:
 
 def _is_of(kept: Owner, source: str) -> bool:
     """Return whether an owner is that of a source; one without a repository is known by the path, whatever the host."""
-    return kept.source in ("", source) or not any("://" in one for one in (kept.source, source))
+    before = kept.source.removesuffix(_of_bundle(kept.bundle))
+    return before in ("", source) or not any("://" in one for one in (before, source))
+
+
+def _of_bundle(bundle: str) -> str:
+    return f", bundle {bundle[:_OF_BUNDLE]}" if bundle else ""
+
+
+def with_bundle(source: str, owner: Owner | None) -> str:
+    """Return the source of what is made of an EDF: its place, and the bundle that brought it there.
+
+    Another bundle may come to that place, and be a stranger's; it is tried in a lab first, perhaps, or on other robots.
+    """
+    return source + _of_bundle(owner.bundle if owner else "")
 
 
 def note_bundle(instance: str, edf: str, bundle: str, folder: str = "") -> None:
     """Write down which bundle brought an EDF: what was made of another one's, by the same path, is not this one's.
 
     So it is with every path below `folder`, all of which the bundle brought: it may have further EDFs there. One that
-    comes back has what was made of it, and goes on where nothing was made of others meanwhile.
+    comes back has what was made of it.
 
     Raises:
         UsageError: It cannot be written.
@@ -119,21 +139,15 @@ def note_bundle(instance: str, edf: str, bundle: str, folder: str = "") -> None:
     there = [one for one in every_owner() if Path(one.edf).is_relative_to(top) and _is_of(one, source_of(one.edf))]
     for one in there:
         if one.bundle != bundle:
-            left, earlier = one.left if one.first else one.bundle, {**one.earlier, one.bundle: one.token}
-            token, first = earlier.pop(bundle, "") or secrets.token_hex(16), left != bundle
-            of_it = Owner(instance=one.instance, edf=one.edf, source=source_of(one.edf), token=token, bundle=bundle)
-            keep(replace(of_it, first=first, left=left if first else "", earlier=earlier))
+            earlier = {**one.earlier, one.bundle: Had(one.token, one.adopted, one.places)}
+            had = earlier.pop(bundle, Had(secrets.token_hex(16), frozenset(), {}))
+            keep(Owner(
+                instance=one.instance, edf=one.edf, source=source_of(one.edf) + _of_bundle(bundle), bundle=bundle,
+                token=had.token, adopted=had.adopted, places=had.places, earlier=earlier,
+            ))  # fmt: skip
     if (instance, path) not in {(one.instance, one.edf) for one in there}:
-        token, source = secrets.token_hex(16), source_of(path)
+        token, source = secrets.token_hex(16), source_of(path) + _of_bundle(bundle)
         keep(Owner(instance=instance, edf=path, source=source, token=token, bundle=bundle))
-
-
-def as_it_is_now(source: str, instance: str, edf: str) -> str:
-    """Return an EDF's source for who goes on with what is there: one of its own while that is of what was there before.
-
-    A bundle may have come to the EDF's place since, and be a stranger's; see `note_bundle`.
-    """
-    return f"{source} of the bundle that came there since" if read_owner(instance, edf).first else source
 
 
 def owners_of(instance: str, source: str) -> tuple[Owner, ...]:
@@ -153,12 +167,12 @@ def keep(owner: Owner) -> None:
     Raises:
         UsageError: It cannot be written, so a volume would be nobody's.
     """
-    file = _place(owner.instance, owner.edf, owner.source)
+    file = _place(owner.instance, owner.edf, owner.source.removesuffix(_of_bundle(owner.bundle)))
     if _read(file) == owner:
         return
     words = {name: getattr(owner, name) for name in _WORDS}
-    maps = {"places": dict(owner.places), "earlier": dict(owner.earlier)}
-    text = json.dumps({**words, **maps, "adopted": sorted(owner.adopted), "first": owner.first}, indent=2) + "\n"
+    earlier = {bundle: {"token": one.token, **_lists(one)} for bundle, one in owner.earlier.items()}
+    text = json.dumps({**words, **_lists(owner), "earlier": earlier}, indent=2) + "\n"
     try:
         believed.write(file, text, _LONGEST_FILE)
     except OSError as error:
@@ -167,6 +181,14 @@ def keep(owner: Owner) -> None:
             hint="it says that the experiment's volumes are yours",
             code=Code.CANNOT_WRITE,
         ) from error
+
+
+def _lists(one: Owner | Had) -> dict[str, object]:
+    return {"adopted": sorted(one.adopted), "places": dict(one.places)}
+
+
+def _had(read: Mapping[str, object]) -> Had:
+    return Had(string(read.get("token")), frozenset(strings(read.get("adopted"))), string_map(read.get("places")))
 
 
 def _place(instance: str, edf: str, source: str) -> Path:
@@ -191,10 +213,9 @@ def _read(file: Path) -> Owner | None:
     words = {key: string(read.get(key)) for key in _WORDS}
     if not words["token"]:
         return None
-    return Owner(
-        **words, adopted=frozenset(strings(read.get("adopted"))), places=string_map(read.get("places")),
-        first=read.get("first") is True, earlier=string_map(read.get("earlier")),
-    )  # fmt: skip
+    some = {bundle: _had(mapping(one)) for bundle, one in mapping(read.get("earlier")).items()}
+    had, earlier = _had(read), {bundle: one for bundle, one in some.items() if one.token}
+    return Owner(**words, adopted=had.adopted, places=had.places, earlier=earlier)
 
 
 def _bytes(text: str) -> bytes:

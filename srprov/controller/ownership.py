@@ -15,7 +15,6 @@ from srprov.codes import Code
 from srprov.errors import RefusedError, visible
 from srprov.facts.model import Snapshot
 from srprov.modules import RUNNING
-from srprov.names import few
 from srprov.network.belief import Belief, believe
 from srprov.network.identity import link_names, tunnel_links
 from srprov.network.record import read_record
@@ -138,28 +137,11 @@ def absent(snapshot: Snapshot, instance: str, known: Mapping[str, str], services
     return [name for name in services if name not in known or name in gone]
 
 
-def check_source(snapshot: Snapshot, instance: str, source: str, *, adopt: bool, first: bool = False) -> None:
-    """Refuse to take over what another experiment of the same name made.
-
-    `first` says that nothing was made of this one yet: what has its source is of another bundle, or of an EDF of the
-    user's, which was there before.
-    """
-    said = made_by_another(snapshot, instance, source)
-    if first and not said and (there := _where(snapshot, instance)):
-        said = f"instance '{instance}' on {few(there, 3)} was made of what was in the folder before this bundle"
-    if not adopt and said:
+def check_source(snapshot: Snapshot, instance: str, source: str, *, adopt: bool) -> None:
+    """Refuse to take over what another experiment of the same name made."""
+    if not adopt and (said := made_by_another(snapshot, instance, source)):
         hint = "run it under another name with --instance NAME, destroy the other one, or take it over with --adopt"
         raise RefusedError(said, hint=hint, code=Code.OWNER)
-
-
-def _where(snapshot: Snapshot, instance: str) -> list[str]:
-    """Return the robots that run something of an instance, or keep its record."""
-    running = {
-        robot
-        for robot, items in snapshot.observed.items()
-        if any(one.module in RUNNING and one.instance == instance for one in items)
-    }
-    return sorted(running | {robot for robot, held in snapshot.records.items() if instance in held})
 
 
 def made_by_another(snapshot: Snapshot, instance: str, source: str) -> str:

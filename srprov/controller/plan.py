@@ -29,7 +29,7 @@ from srprov.controller.named_services import services_of
 from srprov.controller.old_values import with_differences
 from srprov.controller.overlay_notes import overlay_notes
 from srprov.controller.own_files import asked_for
-from srprov.controller.owners import Owner
+from srprov.controller.owners import Owner, with_bundle
 from srprov.controller.ownership import check_source, makers_of, owned, trusting
 from srprov.controller.permissions import permit_planning
 from srprov.controller.phases import Phases
@@ -126,9 +126,10 @@ def make_plan(
         NoAssignment, UsageError, RenderError, PlanError: as their rooms say.
     """
     definitions, phases = _plannable(definitions, look.inventory, request), phases or Phases()
-    instance, source = request.instance or definitions.experiment.name, source_of(definitions.experiment.file)
+    place = source_of(definitions.experiment.file)
+    instance, source = request.instance or definitions.experiment.name, with_bundle(place, request.owner)
     snapshot, notes = trusting(look.first(), instance, adopt=request.adopt)
-    check_source(snapshot, instance, source, adopt=request.adopt, first=bool(request.owner and request.owner.first))
+    check_source(snapshot, instance, source, adopt=request.adopt)
     choice = choice_of(definitions, look.inventory, snapshot, instance, request)
     placed, choice = settled(choice, request.search_limit_s)
     if placed is None:

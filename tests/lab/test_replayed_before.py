@@ -48,7 +48,7 @@ def test_who_names_a_bundle_s_edf_means_nothing_of_another_one(lab: Lab, tmp_pat
     assert {verb: one.code for verb, one in refused.items()} == dict.fromkeys(refused, 9), refused
     assert not (again / "experiment/out").exists()
     typed = lab.srprov("exec", file, "planner", *beside, "--", "true")
-    assert typed.code == 255 and "of the bundle that came there since" in typed.err, typed
-    for name in ("tour", "other"):
-        gone = lab.srprov("destroy", str(again / f"experiment/{name}.edf"), *beside, "--yes")
+    assert typed.code == 255 and typed.err.count("tour.edf, bundle ") == 2, typed
+    for one in ("--instance", "tour"), (str(again / "experiment/other.edf"),):
+        gone = lab.srprov("destroy", *one, *beside, "--yes")
         assert gone.code == 0, gone

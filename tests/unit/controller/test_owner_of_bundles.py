@@ -8,11 +8,10 @@ from pathlib import Path
 import pytest
 
 from srprov.cli.inputs import named_instance
-from srprov.controller.data_owner import remember_owner
-from srprov.controller.owners import Owner, keep, note_bundle, read_owner
+from srprov.controller.owners import Owner, keep, note_bundle, owners_of, read_owner, with_bundle
 from srprov.errors import RefusedError
 from tests.fakes import World
-from tests.worlds import apply, experiment, plan_for, service
+from tests.worlds import experiment, plan_for, run, service
 
 
 @pytest.fixture(autouse=True)
@@ -25,12 +24,13 @@ def test_each_bundle_has_a_token_of_its_own(tmp_path: Path) -> None:
     edf = str(tmp_path / "again/experiment/tour.edf")
     note_bundle("tour", edf, "a")
     mine = read_owner("tour", edf)
-    assert mine.token and not mine.first
+    assert mine.token and with_bundle("x", mine) == "x, bundle a"
     note_bundle("tour", edf, "a")
     assert read_owner("tour", edf) == mine, "the same bundle goes on"
     note_bundle("tour", edf, "b")
     other = read_owner("tour", edf)
-    assert other.first and other.label("r1", "srprov.tour.data") != mine.label("r1", "srprov.tour.data")
+    assert with_bundle("x", other) == "x, bundle b"
+    assert other.label("r1", "srprov.tour.data") != mine.label("r1", "srprov.tour.data")
 
 
 def test_a_bundle_that_comes_back_has_what_was_made_of_it(tmp_path: Path) -> None:
@@ -40,18 +40,10 @@ def test_a_bundle_that_comes_back_has_what_was_made_of_it(tmp_path: Path) -> Non
     mine = read_owner("tour", edf)
     for other in ("b", "c"):
         note_bundle("tour", edf, other)
-        assert read_owner("tour", edf).first
+        assert read_owner("tour", edf).token != mine.token
     note_bundle("tour", edf, "a")
     now = read_owner("tour", edf)
-    assert (now.token, now.first) == (mine.token, False), "of the others nothing was made"
-    note_bundle("tour", edf, "b")
-    keep(replace(read_owner("tour", edf), first=False))  # as what was adopted, or made when all was destroyed
-    for comes in ("c", "a"):
-        note_bundle("tour", edf, comes)
-        assert read_owner("tour", edf).first, "what runs may be of the second one"
-    assert read_owner("tour", edf).token == mine.token, "volumes tell whose they are"
-    note_bundle("tour", edf, "b")
-    assert not read_owner("tour", edf).first
+    assert (now.token, now.bundle) == (mine.token, "a")
 
 
 def test_a_bundle_that_comes_back_has_what_it_took_over(tmp_path: Path) -> None:
@@ -62,10 +54,10 @@ def test_a_bundle_that_comes_back_has_what_it_took_over(tmp_path: Path) -> None:
     mine = read_owner("tour", edf)
     note_bundle("tour", edf, "b")
     other = read_owner("tour", edf)
-    assert other.first and not other.adopted and not other.places
+    assert other.token != mine.token and not other.adopted and not other.places
     note_bundle("tour", edf, "newer")
     now = read_owner("tour", edf)
-    assert (now.token, now.adopted, dict(now.places), now.first) == (mine.token, mine.adopted, {"data": "r1"}, False)
+    assert (now.token, now.adopted, dict(now.places)) == (mine.token, mine.adopted, {"data": "r1"})
 
 
 def test_a_repository_that_lay_there_before_has_its_own_token_still(tmp_path: Path) -> None:
@@ -89,25 +81,28 @@ def test_an_experiment_that_lay_there_before_leaves_nothing_either(tmp_path: Pat
     note_bundle("tour", edf, "b")
     for name in ("tour", "second"):
         now = read_owner(name, edf)
-        assert now.first and now.token != "t" and not now.adopted and not now.places
+        assert now.bundle == "b" and now.token != "t" and not now.adopted and not now.places
     assert read_owner("tour", f"{edf}.other").token == "t"
 
 
 def test_what_another_bundle_left_is_taken_over_by_word_alone(tmp_path: Path) -> None:
-    """Containers too: a service that both have would go on with what it holds."""
+    """Containers too: a service that both have would go on with what it holds, also when this one ran elsewhere first.
+
+    As in a lab, where whoever does not know a bundle tries it.
+    """
     edf = str(tmp_path / "hello.edf")
+    what = experiment(service("web", robot="r1"))
+    world, other = World().add("r1"), World().add("r1")
     note_bundle("hello", edf, "a")
+    assert run(world, plan_for(world, what, owner=read_owner("hello", edf))).exit_code == 0
     note_bundle("hello", edf, "b")
-    what, owner = experiment(service("web", robot="r1")), read_owner("hello", edf)
-    free = World().add("r1")
-    assert plan_for(free, what, owner=owner).steps
-    world = World().add("r1")
-    assert apply(world, what).exit_code == 0
-    with pytest.raises(RefusedError, match="'hello' on r1 was made of what was in the folder before"):
+    owner = read_owner("hello", edf)
+    assert run(other, plan_for(other, what, owner=owner)).exit_code == 0
+    with pytest.raises(RefusedError, match=r"made from .*/hello.edf, bundle a, not from .*/hello.edf, bundle b"):
         plan_for(world, what, owner=owner)
-    remember_owner(plan_for(world, what, owner=owner, adopt=True), owner)
-    assert not read_owner("hello", edf).first
-    assert not plan_for(world, what, owner=read_owner("hello", edf)).steps
+    assert plan_for(world, what, owner=owner, adopt=True)
+    note_bundle("hello", edf, "a")
+    assert not plan_for(world, what, owner=read_owner("hello", edf)).steps, "it comes back"
 
 
 def test_a_further_edf_of_a_bundle_has_nothing_of_an_earlier_one_either(tmp_path: Path) -> None:
@@ -117,10 +112,9 @@ def test_a_further_edf_of_a_bundle_has_nothing_of_an_earlier_one_either(tmp_path
         keep(Owner(instance="tour", edf=str(home / f"{name}.edf"), token="t", bundle="a"))
     keep(Owner(instance="tour", edf=str(tmp_path / "again/experiments/tour.edf"), token="t"))
     note_bundle("other", str(home / "other.edf"), "b", str(home))
-    assert not read_owner("other", str(home / "other.edf")).first
     for name in ("tour", "lab/tour"):
         now = read_owner("tour", str(home / f"{name}.edf"))
-        assert (now.first, now.bundle, now.left) == (True, "b", "a") and now.token != "t"
+        assert now.bundle == "b" and now.token != "t"
     assert read_owner("tour", str(tmp_path / "again/experiments/tour.edf")).token == "t", "it lies elsewhere"
     note_bundle("tour", str(home / "tour.edf"), "a", str(home))
     assert read_owner("tour", str(home / "tour.edf")).token == "t"
@@ -132,10 +126,23 @@ def test_who_goes_on_with_what_is_there_means_no_other_bundle_s(tmp_path: Path) 
     edf.write_text("{edf: 1, name: tour, services: {a: {image: busybox}}}")
     note_bundle("tour", str(edf), "a")
     name, source = named_instance(str(edf), "")
-    assert name == "tour" and source.endswith("/tour.edf")
+    assert name == "tour" and source.endswith("/tour.edf, bundle a")
     note_bundle("tour", str(edf), "b")
-    assert named_instance(str(edf), "") == ("tour", f"{source} of the bundle that came there since")
-    assert named_instance(str(edf), "", leaving=True) == (name, source), "it can be destroyed"
-    assert named_instance(str(edf), "mine") == ("mine", source)
-    remember_owner(plan_for(World().add("r1"), experiment(service("web", robot="r1"))), read_owner("tour", str(edf)))
-    assert "since" not in named_instance(str(edf), "")[1], "it was made of this one"
+    assert named_instance(str(edf), "") == ("tour", source.replace("bundle a", "bundle b"))
+    assert named_instance(str(edf), "mine") == ("mine", source.removesuffix(", bundle a"))
+
+
+def test_a_source_in_a_repository_is_found_again_with_its_bundle(tmp_path: Path) -> None:
+    """Who owns an instance is kept by the repository; a plan names the bundle, too, and keeps both."""
+    edf = str(tmp_path / "tour.edf")
+    (tmp_path / ".git").mkdir()
+    (tmp_path / ".git" / "config").write_text('[remote "origin"]\nurl = https://lab.example/tour\n')
+    note_bundle("tour", edf, "b")
+    mine = read_owner("tour", edf)
+    source = with_bundle("https://lab.example/tour#tour.edf", mine)
+    keep(replace(mine, source=source, places={"x": "r1"}))
+    now = read_owner("tour", edf)
+    assert (now.token, now.places) == (mine.token, {"x": "r1"})
+    assert owners_of("tour", source) == (now,), "a plan file of it is known"
+    note_bundle("tour", edf, "c")
+    assert read_owner("tour", edf).token != mine.token
