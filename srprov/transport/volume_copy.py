@@ -33,6 +33,17 @@ _MEMORY_KIB = 512 << 10
 """What an archive says of a file's name and attributes, tar keeps in memory, however long it is; and it comes from
 another robot."""
 _HASH = re.compile("[0-9a-f]{64}")
+DEVICES = "it holds devices, and the number of one is another device's on this robot"
+_NO_DEVICES = (
+    "found=$(find . -xdev '(' -type b -o -type c ')' -exec stat -c %t:%T {} +) || exit 1; "
+    f'for one in $found; do [ "$one" = 0:0 ] || {{ echo {quote(DEVICES)} >&2; exit 1; }}; done'
+)
+"""What ends a script in a folder with a device: the kernel has none of the number 0:0, which engines' layers have."""
+UNPACK = (
+    f"printf 'ready\\n' && ulimit -v {_MEMORY_KIB} && "
+    f"tar --extract --preserve-permissions --same-owner {_KEEP} || exit 1; {_NO_DEVICES}"
+)
+"""The script that unpacks a tar where it is, and ends with another status than 0 unless that is data alone."""
 
 
 def copy_volume(copy: CopyVolume, session: BaseSession, peers: Peers | None, progress: Progress) -> Reply:
@@ -126,8 +137,7 @@ def _into(volume: str) -> str:
 
     GNU tar leaves links that may lead out for the end. Of these, one can stand in the way of the name of another.
     """
-    tar = f"exec tar --extract --preserve-permissions --same-owner {_KEEP}"
-    inside = sandboxed_writing(f"printf 'ready\\n' && ulimit -v {_MEMORY_KIB} && {tar}")
+    inside = sandboxed_writing(UNPACK)
     told = f"[ $? != {NO_SANDBOX} ] || echo {quote(NOT_CLOSED)} >&2; exit 1"
     return f"{_place(volume)}root=$place && ( {inside} ) && printf 'done\\n' || {{ {told}; }}"
 

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.lab.conftest import Lab, busybox, edf, part_of_lab
+from srprov.transport.volume_copy import DEVICES
+from tests.lab.conftest import Done, Lab, busybox, edf, part_of_lab
 
 pytestmark = pytest.mark.lab
 
@@ -62,3 +63,29 @@ def test_data_that_is_moved_makes_no_second_name_of_a_file_of_another_robot(lab_
         lab.shell("robot1", "rm", "-rf", "/usr/local/sbin/tar", "/root/lie", check=False)
         lab.srprov("destroy", str(path), "-i", inventory, "--yes", "--volumes", env=home)
         lab.shell("robot2", "docker", "volume", "rm", "-f", "own", check=False)
+
+
+def test_data_that_is_moved_is_no_device_of_another_robot(lab_of_module: Lab, tmp_path: Path) -> None:
+    """Its container may open devices of that robot: what it takes for its data was one, of the liar's choice."""
+    lab, path = lab_of_module, tmp_path / "devices.edf"
+    inventory = part_of_lab(lab, ["robot1", "robot2"], tmp_path / "lab.yml")
+    home = {"XDG_STATE_HOME": str(tmp_path / "state")}
+    data = "/var/lib/docker/volumes/srprov.devices.d/_data"
+
+    def apply(robot: str) -> Done:
+        one = busybox(robot=robot, volumes=["d:/d"], device_cgroup_rules=["c 10:229 rwm"])
+        path.write_text(edf("devices", {"a": one}), encoding="utf-8")
+        words = ("apply", str(path), "-i", inventory, "--yes", "--settle", "0", "--data", "move", "--allow", "device")
+        return lab.srprov(*words, env=home)
+
+    try:
+        assert apply("robot1").code == 0
+        lab.shell("robot1", "mknod", f"{data}/map", "c", "10", "229")
+        moved = apply("robot2")
+        assert moved.code != 0 and DEVICES in moved.err, moved
+        assert lab.shell("robot2", "ls", f"{data}/map", check=False).code != 0
+        assert lab.shell("robot1", "ls", f"{data}/map").code == 0  # it is kept
+        lab.shell("robot1", "rm", f"{data}/map")
+        assert apply("robot2").code == 0
+    finally:
+        lab.srprov("destroy", str(path), "-i", inventory, "--yes", "--volumes", env=home)

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import io
+import os
+import subprocess
+import tarfile
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from srprov.transport.volume_copy import copy_volume
-from srprov.wire import CopyVolume, Query, Reply, Run
+from srprov.sandbox import sandboxed_writing
+from srprov.transport.volume_copy import DEVICES, UNPACK, copy_volume
+from srprov.wire import CopyVolume, Query, Reply, Run, quote
 
 MIB = 1 << 20
 COPY = CopyVolume(volume="srprov.x.d", into="srprov-copy.x.d", source_host="liar")
@@ -87,3 +93,28 @@ def test_a_copy_ends_when_its_connection_is_closed() -> None:
     """As an interrupt does after the time that running steps have."""
     reply, target = copied("900000\t/v\n900000\t/v\n3\n", 900 * 1024, closed_at=20 * MIB)
     assert (reply.ok, reply.err) == (False, "its connection was closed") and target.taken < 22 * MIB
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="who is not root makes no devices")
+@pytest.mark.parametrize(
+    ("name", "kind", "number", "fine"),
+    [
+        ("map", tarfile.BLKTYPE, (254, 0), False),
+        ("a\n0:0\n b/map", tarfile.CHRTYPE, (10, 229), False),
+        ("-exec", tarfile.CHRTYPE, (0, 1), False),
+        ("whiteout", tarfile.CHRTYPE, (0, 0), True),
+        ("pipe", tarfile.FIFOTYPE, (0, 0), True),
+    ],
+)
+def test_data_that_comes_holds_no_device_of_the_robot(
+    tmp_path: Path, name: str, kind: bytes, number: tuple[int, int], *, fine: bool
+) -> None:
+    """A container that may open devices, or all of them, took one by the name of its data for that."""
+    buffer = io.BytesIO()
+    with tarfile.open(fileobj=buffer, mode="w") as tar:
+        one = tarfile.TarInfo(name)
+        one.type, (one.devmajor, one.devminor) = kind, number
+        tar.addfile(one)
+    script = f"root={quote(str(tmp_path))}; {sandboxed_writing(UNPACK)}"
+    done = subprocess.run(["sh", "-c", script], input=buffer.getvalue(), capture_output=True, check=False, timeout=30)
+    assert (done.returncode == 0, DEVICES in done.stderr.decode()) == (fine, not fine), done
