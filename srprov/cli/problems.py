@@ -35,11 +35,14 @@ def _render(problem: Diagnostic, word: str) -> str:
 
 
 def _caret(excerpt: str, column: int) -> list[str]:
-    """Return the source line and a line with `^` below the column; tabs stay tabs, so that both line up."""
+    """Return the source line and a line with `^` below the column; tabs stay tabs, so that both line up.
+
+    A bar stands before them: a line of a stranger's file that begins with `hint:` would pass for one of srprov's own.
+    """
     start = max(0, column - 1 - _WIDEST // 2) if len(excerpt) > _WIDEST else 0
     part = excerpt[start : start + _WIDEST].rstrip()
     before = excerpt[start : column - 1]
-    return [f"    {part}", "    " + "".join("\t" if letter == "\t" else " " for letter in before) + "^"]
+    return [f"    | {part}", "    | " + "".join("\t" if letter == "\t" else " " for letter in before) + "^"]
 
 
 def as_json(problems: Sequence[Diagnostic], warnings: Sequence[Diagnostic] = ()) -> str:

@@ -167,9 +167,9 @@ class _Shown:
 
 
 def _pause(seconds: float, prompt: str) -> None:
-    """Wait between two trials, for a person too where there is one."""
+    """Wait between two trials, for a person too where there is one, who is told whose words he is asked with."""
     if prompt and sys.stdin.isatty():
-        err(f"{visible(prompt)}; then press Enter")
+        err(f"the experiment asks: {visible(prompt)}; then press Enter")
         input()
     time.sleep(seconds)
 

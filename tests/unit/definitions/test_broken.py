@@ -99,7 +99,7 @@ def test_caret_stands_below_the_column(
     lines = capsys.readouterr().out.splitlines()
     assert lines == [
         "e.edf:4:23: error[SRP-108]: 101 is more than 100  [services.a.cost]",
-        "      a: {image: x, cost: 101}",
-        "                          ^",
+        "    |   a: {image: x, cost: 101}",
+        "    |                       ^",
         "1 problem in 1 file",
     ]

@@ -123,7 +123,7 @@ def test_a_long_line_is_cut_around_the_caret() -> None:
 
 def test_tabs_before_the_caret_stay_tabs() -> None:
     shown = render_problems([Diagnostic(Location("f", 1, 3), "no", "", "\t\tx: 1", code=Code.YAML)]).splitlines()
-    assert shown[2] == "    \t\t^"
+    assert shown[2] == "    | \t\t^"
 
 
 def _children_s() -> float:
