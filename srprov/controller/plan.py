@@ -117,8 +117,7 @@ def make_plan(
 ) -> Planned:
     """Read the robots and say what would make the experiment true.
 
-    `look` has begun to ask them; `vault` has the values of the experiment's secrets, None if they are not wanted;
-    `phases` is the clock of the run.
+    `look` has begun to ask them; `vault` has the secrets' values, or None; `phases` is the clock of the run.
 
     Raises:
         DefinitionError: The files name what was not fetched, or for robots that are not in the inventory.
