@@ -5,6 +5,7 @@ Takes machines and the user's choices; gives a `Draft`. Looks at the file system
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
@@ -94,7 +95,7 @@ def convert(
         withheld=frozenset(making.withheld),
         findings=tuple(sorted(findings, key=lambda one: (one.at, one.key, one.message))),
         variables=tuple(one for project in projects for one in project.machine.normal.variables),
-        notes=(*_together(projects), *(one for project in projects for one in project.machine.normal.warnings)),
+        notes=(*_together(projects), *itertools.chain.from_iterable(map(_warnings, projects))),
         origins=making.origins,
     )
 
@@ -107,6 +108,33 @@ def _together(projects: Sequence[Project]) -> Iterator[Note]:
         message = "all robots' services reach each other at every port on the overlay, also at what is not published"
         hint = "where one of them has an engine's socket, or no password, import each robot's files by themselves"
         yield Note(where, message, hint)
+
+
+def _warnings(project: Project) -> tuple[Note, ...]:
+    return (*_of_several(project), *project.machine.normal.warnings)
+
+
+def _of_several(project: Project) -> Iterator[Note]:
+    """Yield services and volumes that several files have, of which not each may name what lies beside the others.
+
+    One may be a stranger's: a program or a mount of his in a service of the user's has what that one is given.
+    """
+    normal = project.notes.normal
+    known, parts = normal.homes or {}, dict[Path, dict[str, Path]]()  # what several may have -> file -> where it is
+    for path, at in sorted(normal.positions.items(), key=lambda one: one[1]):
+        if path[:1] == ("services",) and path[2:] and at.file in known:
+            parts.setdefault(path[:2], {}).setdefault(at.file, path)
+    for service, given in (project.document.get("services") or {}).items():
+        for index, one in enumerate(given.get("volumes") or ()):
+            if one.get("type") == "volume" and one.get("source"):
+                path = ("services", service, "volumes", index, "source")
+                parts.setdefault(("volumes", str(one["source"])), {}).setdefault(normal.position_of(path).file, path)
+    for what, files in parts.items():
+        if any(not project.opens(one, other) for one in files.values() for other in files.values()):
+            kind = "the service" if what[0] == "services" else "the volume"
+            message = f"{kind} '{str(what[1])[:60]}' has parts, or is mounted, in {', '.join(files)}, which are apart"
+            hint = "where one of them is a stranger's, look at what it says of this one: it has what the others give it"
+            yield Note(normal.position_of(what), message, hint)
 
 
 def _project(machine: Machine, making: Making) -> Project:

@@ -13,6 +13,7 @@ from typing import Any
 
 from srprov.conversion.project import WRITTEN, Project
 from srprov.definitions.model import makes_repository
+from srprov.importing.compose.source import HINT
 from srprov.importing.position import Path
 
 _NAME = re.compile(r"[^A-Za-z0-9_.-]+")
@@ -75,12 +76,16 @@ def configs(given: Mapping[str, Any], project: Project, at: Path, folder: str) -
         entry = (project.document.get("configs") or {}).get(name) or {}
         path, target = ("configs", name), str(one.get("target") or f"/{name}")
         target = target if target.startswith("/") else f"/{target}"
-        if entry.get("environment"):
+        used = (*at, "configs", index, "source")
+        if not project.opens((*path, "content" if entry.get("content") is not None else "file"), used):
+            words = f"'{name[:60]}' is a config of another file, of whose folder this one may name nothing"
+            project.notes.refused(used, words, f"name it there for this service, too; or {HINT}")
+        elif entry.get("environment"):
             source = {"env": str(entry["environment"])}
             uses.append(_use(_secret(name, source, project), target, "", one))
         elif place := _shipped(entry, name, path, project):
             mounts.append(f"./{place}:{target}")
-        project.notes.exact((*at, "configs", index, "source"))
+        project.notes.exact(used)
     return mounts, uses
 
 

@@ -14,6 +14,7 @@ from typing import Any
 
 from srprov import names
 from srprov.conversion.project import Project
+from srprov.importing.compose.source import HINT
 from srprov.importing.position import Path
 
 _SYSTEM = re.compile(r"/(dev|proc|sys|run|var/run|etc|usr|lib|lib64|boot|tmp/\.X11-unix|tmp/\.docker\.xauth)(/.*)?\Z")
@@ -82,6 +83,10 @@ def _named(given: Mapping[str, Any], one: Mapping[str, Any], service: str, proje
     if device.startswith("/"):
         return _short(device, one)
     at = ("volumes", str(name), "driver_opts", "device")
+    if device and not device.startswith("~") and not project.opens(at, (*path, "source")):
+        words = f"'{str(name)[:60]}' is a folder of another file's, of whose folder this one may name nothing"
+        project.notes.refused(path, words, f"name it there for this service, too; or {HINT}")
+        return None
     return _bind(given, {**one, "source": device}, project, path, at) if device else None
 
 

@@ -16,7 +16,7 @@ import msgspec
 
 from srprov import names
 from srprov.conversion.notes import Notes
-from srprov.definitions.paths import belongs
+from srprov.definitions.paths import belongs, inside
 from srprov.importing.compose.source import HINT, open_to
 from srprov.importing.normal import Normal
 from srprov.importing.position import Path
@@ -130,6 +130,18 @@ class Project:
         below = os.path.relpath(real, self.base)
         first = [FILES, *([self.making.word(self.machine.robot)] if self.machine.robot else [])]
         return os.path.normpath(os.path.join(*first, below))
+
+    def opens(self, said: Path, used: Path) -> bool:
+        """Return whether the file that has one part may have what another part's file names: what lies in its folder.
+
+        Names of one file are not enough: a stranger's may have guessed what the user's own calls its files.
+        """
+        homes = self.notes.normal.homes
+        if homes is None:
+            return True
+        those, own = (homes.get(self.notes.normal.position_of(one).file, ()) for one in (said, used))
+        mine = open_to(self.machine.folders, own)
+        return bool(those) and all(any(inside(one, home) for home in mine) for one in those)
 
     def take(self, source: str, at: Path) -> str:
         """Have a file or folder copied into the experiment, and return its path there; empty when it lies outside."""

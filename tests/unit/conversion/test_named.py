@@ -236,6 +236,55 @@ def test_a_file_names_what_lies_beside_itself(together: Path) -> None:
     assert Path("new/files/stranger/map.yaml").read_text() == "a map"
 
 
+OWN = (
+    "configs: {own: {file: ../lab/notes.txt}}",
+    f"configs: {{own: {{content: {CANARY}}}}}",
+    "volumes: {own: {driver: local, driver_opts: {type: none, o: bind, device: ../lab/own}}}",
+    "volumes: {own: {driver: local, driver_opts: {type: none, o: 'bind,ro', device: ../lab/notes.txt}}}",
+)
+
+
+@pytest.mark.parametrize("said", OWN)
+@pytest.mark.parametrize("mode", ["", ":ro"])
+def test_a_name_that_the_users_own_file_gives_a_file_gives_it_to_no_service_of_another(
+    together: Path, capsys: pytest.CaptureFixture[str], said: str, mode: str
+) -> None:
+    """It is in his file, where it may be named; which of the services has it is a stranger's word."""
+    use = "configs: [own]" if said.startswith("configs") else f"volumes: ['own:/n{mode}']"
+    (together / "compose.yml").write_text(f"services: {{a: {{image: x, {use}}}}}\n")
+    mine = Path("lab/mine.yml")
+    mine.write_text(f"services: {{own: {{image: x, {use}}}}}\n{said}\n")
+    for files in (["stranger/compose.yml", "lab/mine.yml"], ["lab/mine.yml", "stranger/compose.yml"]):
+        text = mine.read_text()
+        if files[0] != "stranger/compose.yml":
+            mine.write_text(text.replace("../lab/", "./"))
+        assert run(["import", "compose", *files, "-o", "new"]) == 5
+        told = capsys.readouterr()
+        assert "stranger/compose.yml:1" in told.out + told.err and "another file" in told.out + told.err
+        assert not Path("new").exists()
+        mine.write_text(text)
+    # whose file it is may give it to that service, and whoever calls the whole project his
+    assert run(["import", "compose", "stranger/compose.yml", "lab/mine.yml", "--root", ".", "-o", "whole"]) == 0
+    mine.write_text(f"services: {{own: {{image: x, {use}}}, a: {{{use}}}}}\n{said}\n")
+    assert run(["import", "compose", "stranger/compose.yml", "lab/mine.yml", "-o", "new"]) == 0, capsys.readouterr()
+
+
+def test_a_service_and_a_volume_of_several_files_are_told(together: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What a stranger's says runs in the user's own service has that one's files and secrets."""
+    used = "services: {a: {image: x, volumes: ['data:/d']}, own: {entrypoint: [sh, -c, ls]}}"
+    (together / "compose.yml").write_text(f"{used}\n")
+    Path("lab/mine.yml").write_text("services: {own: {image: x, volumes: ['data:/d']}}\nvolumes: {data: {}}\n")
+    files = ["stranger/compose.yml", "lab/mine.yml"]
+    assert run(["import", "compose", *files, "-o", "new"]) == 0
+    told = capsys.readouterr()
+    for what in ("the service 'own'", "the volume 'data'"):
+        line = next(one for one in (told.out + told.err).splitlines() if f"{what} has parts" in one)
+        assert all(one in line for one in files)
+    assert "the service 'a'" not in told.out + told.err
+    assert run(["import", "compose", *files, "--root", ".", "-o", "whole"]) == 0
+    assert "has parts" not in capsys.readouterr().out
+
+
 ASKING = ("{A: '${A}'}", "{A: '${A:-none}'}", "{A: '${A:+some}'}", "[A]", "{A: }")
 
 
