@@ -22,6 +22,7 @@ from srprov.network.identity import is_for_overlays
 from srprov.planning.graver import EVERY_PROCESS, LISTENERS, SHARED, TOLD, noted, of_capability, of_device, of_rule
 from srprov.planning.image_origin import not_from_a_registry
 from srprov.planning.log_options import of_logging
+from srprov.planning.security_options import of_security
 
 KINDS = (
     "privileged",
@@ -195,8 +196,7 @@ def _namespaces(run: Runtime) -> Iterator[tuple[str, str]]:
         yield "capability", noted(capability, of_capability(capability))
     for name, value in sorted(run.sysctls.items()):
         yield "sysctl", f"{name}={value}"
-    for option in run.security_opt:
-        yield "security-opt", option
+    yield from of_security(run.security_opt)
     if run.runtime:
         yield "runtime", f"runtime: {run.runtime}, which starts its container instead of the engine's own"
 

@@ -13,6 +13,7 @@ from srprov.definitions.secretmodel import SecretSource, SecretUse
 from srprov.planning.graver import EVERY_PROCESS, TOLD
 from srprov.planning.log_options import ANY_DRIVER
 from srprov.planning.policy import KINDS, permissions, refused
+from srprov.planning.security_options import PROFILE
 from tests.bounded import bounded
 from tests.worlds import experiment, service
 
@@ -44,6 +45,7 @@ ASKS: list[tuple[dict[str, Any], list[tuple[str, str]]]] = [
     ({"cap_add": ("SYS_ADMIN", "NET_ADMIN")}, [("capability", "NET_ADMIN"), ("capability", f"SYS_ADMIN ({ROOT})")]),
     ({"sysctls": {"net.x": "1"}}, [("sysctl", "net.x=1")]),
     ({"security_opt": ("apparmor=unconfined",)}, [("security-opt", "apparmor=unconfined")]),
+    ({"security_opt": ('seccomp={"syscalls":[]}',)}, [("security-opt", f'{PROFILE}: seccomp={{"syscalls":[]}}')]),
     ({"devices": (("/dev/a", "/dev/b", "rwm"),)}, [("device", "/dev/a (rwm)")]),
     ({"device_cgroup_rules": ("c 81:* rmw",)}, [("device", "cgroup rule c 81:* rmw")]),
     ({"gpus": "all"}, [("gpu", "gpus: all")]),

@@ -1,0 +1,31 @@
+"""What `security_opt` of a container gives away: options that an engine reads as it likes, one of which is a program.
+
+A profile of seccomp says of each call what becomes of it, also that it is not done and counts as done. The engine's own
+calls that take a container's capabilities away come after it is in force: such a profile leaves it all of them. Pure.
+
+Source: moby, `parseSecurityOpt`; runc, `standard_init_linux.go`; seccomp(2).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+
+_ORDINARY = re.compile(
+    r"no-new-privileges(?:[=:](?:true|false))?|seccomp[=:](?:unconfined|builtin)"
+    r"|(?:apparmor|label)[=:][A-Za-z0-9_.:,/-]+"
+)
+"""What is known to leave a container its capabilities, and what the engine hides from it, as they are.
+
+A closed list: engines learn new options, such as `writable-cgroups`. AppArmor and SELinux only ever take away.
+"""
+_PROFILE = re.compile(r"seccomp\s*[=:]")
+PROFILE = "as good as root on the robot, as a profile of its own may leave it all capabilities"
+UNKNOWN = "may be as good as root on the robot"
+
+
+def of_security(options: Iterable[str]) -> Iterator[tuple[str, str]]:
+    """Yield kind and words of what options ask for; of a profile, which may be long, first why it is grave."""
+    for option in options:
+        why = "" if _ORDINARY.fullmatch(option) else PROFILE if _PROFILE.match(option) else UNKNOWN
+        yield "security-opt", f"{why}: {option}" if why else option
