@@ -1,7 +1,8 @@
 """Where the devices of new containers really are, as an engine follows links to them.
 
 A plan says of devices by their names what they give away, and a robot's own rules give any device another name:
-`/dev/lidar`, or `/dev/ubuntu-vg/root` of a disk. The robot says where these lead.
+`/dev/lidar`, or `/dev/ubuntu-vg/root` of a disk. The robot says where these lead, and which are disks: kernels have
+more kinds of them than any list.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from collections.abc import Iterable, Iterator
 
 from srprov.definitions.model import Service
 from srprov.modules.mount_kind import plain
-from srprov.planning.graver import of_device
+from srprov.planning.graver import A_DISK, of_device
 from srprov.untrusted import folder, lines_of
 from srprov.wire import Query, quote
 
@@ -20,9 +21,10 @@ _ANY = "it may be any device"
 
 
 def where_they_lead(services: Iterable[Service]) -> Query:
-    """Ask where the devices lead, each by its number."""
+    """Ask where the devices lead, each by its number; behind a `b` those again that are disks, or folders with some."""
     tests = [
-        f'r=$(readlink -f {quote(path)}) && printf "%s %s\\n" {number} "$r"'
+        f'r=$(readlink -f {quote(path)}) && printf "%s %s\\n" {number} "$r" && '
+        f'[ -n "$(find "$r" -maxdepth 3 -type b 2>/dev/null)" ] && printf "b%s %s\\n" {number} "$r"'
         for number, path in enumerate(_users(services))
     ]
     return Query(command="\n".join([*tests, ":"]))
@@ -39,10 +41,12 @@ def graver_devices(services: Iterable[Service], said: str) -> Iterator[str]:
     led = led_to(said)
     for number, (path, names) in enumerate(users.items()):
         real = led.get(str(number), "")
-        if real in ("", path) or of_device(plain(path)):
-            continue  # it is where it seems to be, or that was said
-        if note := of_device(plain(real)) if real.startswith("/dev/") else _ANY:
-            yield f"the device {path}, which {' and '.join(names)} has, leads to {real} ({note})"
+        if not real or of_device(plain(path)):
+            continue  # it is not there, or that was said
+        note = (of_device(plain(real)) if real.startswith("/dev/") else _ANY) if real != path else ""
+        if note or f"b{number}" in led:
+            where = f"leads to {real}" if real != path else "is there"
+            yield f"the device {path}, which {' and '.join(names)} has, {where} ({note or A_DISK})"
 
 
 def _users(services: Iterable[Service]) -> dict[str, list[str]]:

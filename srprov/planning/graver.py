@@ -33,7 +33,7 @@ _DISK = re.compile(
     r"/dev/((sd|hd|vd|xvd)[a-z]+[0-9]*\Z|(nvme|mmcblk|dm-|md|mtd|mtdblock|ubi|ubiblock|loop|nbd|zram|sg)[0-9]"
     r"|(mapper|disk|block|bsg|md)(/|\Z)|root\Z)"
 )
-_A_DISK = f"a disk: {_AS_ROOT}, if it is the robot's own"
+A_DISK = f"a disk: {_AS_ROOT}, if it is the robot's own"
 _KEYS = re.compile(
     r"/dev/(mem|kmem|port|uinput|uhid|hidraw[0-9]+|usbmon[0-9]+|console|tty[0-9]+|ng[0-9].*)\Z"
     r"|/dev/(vfio|bus)(/|\Z)|/dev/input(\Z|/(event|by-))"
@@ -61,7 +61,7 @@ def of_capability(name: str) -> str:
 
 def of_device(path: str) -> str:
     """Return why a device, by its path in one spelling, is more than it looks, or nothing."""
-    return _A_DISK if _DISK.match(path) else f"may be {_AS_ROOT}" if _KEYS.match(path) else ""
+    return A_DISK if _DISK.match(path) else f"may be {_AS_ROOT}" if _KEYS.match(path) else ""
 
 
 def of_rule(rule: str) -> str:

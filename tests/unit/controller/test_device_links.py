@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,28 @@ def having(*paths: str, **fields: Any) -> Any:
 def test_a_device_that_is_more_than_its_name_is_said_to_be(path: str, real: str, note: str) -> None:
     said = list(graver_devices([having("/dev/aa", path)], f"0 /dev/aa\n1 {real}\n"))
     assert said == ([f"the device {path}, which 'a' has, leads to {real} ({note})"] if note else [])
+
+
+def test_a_disk_is_said_to_be_one_whatever_it_is_called() -> None:
+    """Kernels have more kinds of them than any list: bcache, drbd, pmem."""
+    disk = f"a disk: {ROOT}, if it is the robot's own"
+    said = "0 /dev/bcache0\nb0 /dev/bcache0\n1 /dev/drbd1\nb1 /dev/drbd1\n2 /dev/sda\nb2 /dev/sda\n3 /dev/ttyUSB0\n"
+    assert list(graver_devices([having("/dev/bcache0", "/dev/data", "/dev/sda", "/dev/usb")], said)) == [
+        f"the device /dev/bcache0, which 'a' has, is there ({disk})",
+        f"the device /dev/data, which 'a' has, leads to /dev/drbd1 ({disk})",
+    ]
+
+
+def test_a_shell_says_which_are_disks(tmp_path: Path) -> None:
+    """And which folders have some, as an engine takes all that is in one."""
+    (tmp_path / "some").mkdir()
+    os.mknod(tmp_path / "some" / "disk", stat.S_IFBLK | 0o600, os.makedev(240, 0))
+    os.symlink("some/disk", tmp_path / "a")
+    (tmp_path / "z").touch()
+    query = where_they_lead([having(*(str(tmp_path / name) for name in ("a", "some", "z")))])
+    out = subprocess.run(["sh", "-c", query.command], capture_output=True, text=True, check=True).stdout
+    disk, folder, file = tmp_path / "some" / "disk", tmp_path / "some", tmp_path / "z"
+    assert out.splitlines() == [f"0 {disk}", f"b0 {disk}", f"1 {folder}", f"b1 {folder}", f"2 {file}"]
 
 
 def test_the_plan_says_so_of_each_robot_of_a_new_container() -> None:
