@@ -18,6 +18,7 @@ from srprov.network.foreign import foreign_uses, overlap
 from srprov.network.identity import identify, link_names
 from srprov.network.model import Overlay
 from srprov.planning.plan import Step
+from srprov.resource import State
 
 _SHOWN = 4
 _LOST = "what is reached there by a default route is reached no more"
@@ -33,13 +34,7 @@ def _of_mtu(overlay: Overlay, snapshot: Snapshot) -> tuple[str, ...]:
 
     Docker gives a network its MTU when it makes it, and containers theirs when they join.
     """
-    had = {
-        int(one.state["mtu"])
-        for things in snapshot.observed.values()
-        for one in things
-        if (one.module, one.name, one.instance) == ("network", overlay.network, overlay.instance)
-    }
-    most = max(had, default=0)
+    most = max((int(one["mtu"]) for _, one in _networks(overlay, snapshot)), default=0)
     if not overlay.active or most <= overlay.mtu:
         return ()
     members = [(snapshot.facts[robot].underlay_mtu, robot) for robot in overlay.vteps if robot in snapshot.facts]
@@ -56,7 +51,7 @@ def _of_subnet(overlay: Overlay, snapshot: Snapshot, settings: NetworkSettings) 
     if not overlay.active or settings.subnet is not None:
         return ()
     usual = _usual(overlay.instance)
-    having = [robot for robot in sorted(snapshot.observed) if _has(robot, overlay, snapshot)]
+    having = sorted(robot for robot, one in _networks(overlay, snapshot) if one.get("subnet") == overlay.subnet)
     new = sorted((overlay.vteps.keys() & snapshot.facts.keys()) - {*having})
     if overlay.subnet == str(usual) or not new:
         return ()
@@ -93,9 +88,9 @@ def _usual(instance: str) -> IPv4Network:
     return identify(instance, NetworkSettings(), Snapshot(facts={}, observed={})).subnet
 
 
-def _has(robot: str, overlay: Overlay, snapshot: Snapshot) -> bool:
-    return any(
-        (one.module, one.name, one.instance) == ("network", overlay.network, overlay.instance)
-        and one.state.get("subnet") == overlay.subnet
-        for one in snapshot.observed[robot]
-    )
+def _networks(overlay: Overlay, snapshot: Snapshot) -> Iterator[tuple[str, State]]:
+    """Yield each robot that has the overlay's network, with the state of that."""
+    for robot, things in snapshot.observed.items():
+        for one in things:
+            if (one.module, one.name, one.instance) == ("network", overlay.network, overlay.instance):
+                yield robot, one.state
