@@ -1,6 +1,7 @@
 """The lock's script in real shells with a real flock, over local pipes and over a real sshd.
 
-Each test runs with dash and with busybox's `sh` and tools; flock is util-linux's in both.
+Each test runs with dash and with busybox's `sh` and tools (what waits for long only in `make soak`); flock is
+util-linux's in both.
 """
 
 from __future__ import annotations
@@ -40,6 +41,8 @@ pytestmark = pytest.mark.skipif(
 
 ROOT = Path(__file__).parents[2]
 SHELLS = ("dash", "busybox")
+# for a test that waits for seconds: with busybox it is left to `make soak`
+waits = pytest.mark.parametrize("shell", ["dash", pytest.param("busybox", marks=pytest.mark.soak)], indirect=True)
 APPLETS = ("sh", "timeout", "dd", "head", "tr", "date", "mkdir", "mv", "rm", "chmod", "sleep", "cat")
 MARK = "0123456789abcdef0123456789abcdef"
 ANNA = Claim(owner="anna@desk", pid=7, purpose="apply hello", run="4711")
@@ -292,6 +295,7 @@ def bare(tmp_path: Path) -> Iterator[Callable[..., Bare]]:
         one.end()
 
 
+@waits
 def test_without_a_word_the_work_ends_before_the_lock(bare: Callable[..., Bare]) -> None:
     """On beats all goes on; without one for its time, the script kills what the session runs, and then lets go."""
     one = bare(quiet_s=4)
@@ -344,6 +348,7 @@ def test_signals_do_not_free_the_lock_before_the_work_ended(bare: Callable[..., 
     assert not one.free() and one.work.poll() is None
 
 
+@waits
 def test_a_clock_that_jumps_has_no_effect(bare: Callable[..., Bare], tmp_path: Path) -> None:
     """With a `date` that jumps by years at every look, on and back, it lives on beats, and ends after its time."""
     folder = tmp_path / "clock"
@@ -367,6 +372,7 @@ def test_a_clock_that_jumps_has_no_effect(bare: Callable[..., Bare], tmp_path: P
 # --- the controller's end ---------------------------------------------------------------------------------------------
 
 
+@waits
 def test_a_controller_that_hears_nothing_stops(opened: Callable[[], Session]) -> None:
     """Without an echo the session is closed before the robot's end gives up: the step ends, no other begins."""
     session, pulse = opened(), SHORT
@@ -553,6 +559,7 @@ def over(theirs: socket.socket) -> bool:
         return False
 
 
+@waits
 def test_a_network_that_is_cut_frees_the_lock(
     server: Sshd, opened: Callable[[], Session], listening: socket.socket
 ) -> None:

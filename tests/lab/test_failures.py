@@ -61,7 +61,7 @@ def test_robots_that_cannot_be_reached_are_named_and_the_others_done(mended: Lab
     inventory = part_of_lab(lab, [*robots, "robot4", "robot5"], tmp_path / "more.yml", robot4={"ansible_port": 2222})
     changed = {"a": busybox("sleep", "4711"), "b": busybox(), "c": busybox()}
     path.write_text(edf("three", changed), encoding="utf-8")
-    common = (str(path), "-i", inventory, "--timeout", "12")
+    common = (str(path), "-i", inventory, "--timeout", "8")
 
     planning = begin(lab, "plan", *common)  # both only look, and wait for the same dead robot
     seen = lab.srprov("status", *common, "--json")

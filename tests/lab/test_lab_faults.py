@@ -186,6 +186,7 @@ def transferred(lab: Lab, robot: str, script: str, act: Callable[[socket.socket]
     return seconds
 
 
+@pytest.mark.soak
 def test_the_rate_holds_both_ways(faulty: Lab) -> None:
     size = 1_000_000
 
@@ -205,6 +206,7 @@ def test_the_rate_holds_both_ways(faulty: Lab) -> None:
         assert max(size * 8 / 1e6 / transferred(faulty, PLAIN, script, act) for _ in range(3)) > RATE_MBIT * 5
 
 
+@pytest.mark.soak
 def test_packets_are_lost_both_ways_and_nobody_is_told(faulty: Lab) -> None:
     """A ping needs both ways; the sender's own firewall would say `Operation not permitted`."""
     words = ("ping", "-q", "-c", "300", "-i", "0.005", "-W", "1")

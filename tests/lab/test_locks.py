@@ -24,7 +24,7 @@ from tests.lab.looks import begin
 
 pytestmark = pytest.mark.lab
 
-RACES = int(os.environ.get("SRPROV_RACES", "2"))
+RACES = int(os.environ.get("SRPROV_RACES", "1"))
 HEARTBEAT = "1,8,12"
 """Seconds: beat, controller gives up, robot's end gives up."""
 LOGINS = "grep -laE '^sshd(-session)?: (root|robot)' /proc/[0-9]*/cmdline 2>/dev/null; true"

@@ -17,7 +17,7 @@ from tests.lab.survival import Survivor, counted, kill, prepare, wait_for_engine
 
 pytestmark = pytest.mark.lab
 
-THIRDS = (0.2, 0.4, 0.6)
+PARTS = (0.2, pytest.param(0.4, marks=pytest.mark.soak), 0.6)
 """Not later: on a busy machine the kill comes late, and the last step of each robot is on its way by then."""
 
 
@@ -34,7 +34,7 @@ def survivor(prepared: Survivor) -> Iterator[Survivor]:
     prepared.clear()
 
 
-@pytest.mark.parametrize("part", THIRDS)
+@pytest.mark.parametrize("part", PARTS)
 def test_a_killed_apply_is_finished_by_the_next(survivor: Survivor, part: float) -> None:
     """SIGKILL after so many of its steps have ended: all robots end equal to an undisturbed run, and no lock stays."""
     count = max(1, round(part * survivor.steps))
