@@ -33,6 +33,7 @@ DIFFERENCES = {
     "unset": "a variable without value or default is refused; Compose puts in an empty text and warns",
     "fraction": "a size with a fraction of a byte is refused; Compose takes `mem_limit: 10.5` for no limit",
     "outside": "files outside of the folder of the file that names them are refused; Compose reads them",
+    "variables": "of `.env` beside it, a file in another folder has nothing, also an included one; for Compose it has",
     "documents": "a second document in a file is refused; Compose lays it over the first",
     "home": "`~` stays in paths; Compose puts in the home of whoever calls it where a file is included or extended",
     "dates": "a word that is a date is refused; Compose takes it in a map that another file's is laid over",

@@ -17,7 +17,8 @@ import msgspec
 from srprov import names
 from srprov.conversion.notes import Notes
 from srprov.definitions.paths import belongs, inside
-from srprov.importing.compose.source import HINT, open_to
+from srprov.importing.compose.folders import led_away, open_to
+from srprov.importing.compose.source import HINT
 from srprov.importing.normal import Normal
 from srprov.importing.position import Path
 
@@ -125,7 +126,8 @@ class Project:
         real, folders, homes = os.path.realpath(self.path(source)), self.machine.folders, self.notes.normal.homes
         if homes is not None:
             folders = tuple(open_to(folders, homes.get(self.notes.normal.position_of(at).file, ())))
-        if not any(belongs(real, one) for one in folders):
+        every = {*self.machine.folders, *(home for some in (homes or {}).values() for home in some)}
+        if not any(belongs(real, one) for one in folders) or led_away(self.path(source), every):
             return ""
         below = os.path.relpath(real, self.base)
         first = [FILES, *([self.making.word(self.machine.robot)] if self.machine.robot else [])]

@@ -77,7 +77,7 @@ def _normalise(
 ) -> Normal:
     folder = os.path.dirname(os.path.realpath(files[0].path))
     given = {name: Origin(value, "--set") for name, value in settings.items()}
-    variables = Variables(given, nearest=reading.nearest)
+    variables = Variables(given, whose=reading.whose)
     named = [File(str(path), str(path)) for path in env_files] or _own_env_file(folder, files[0])
     # nobody named `.env`: of several files one may be a stranger's, and so may what lies beside it
     variables = variables.beside(

@@ -10,6 +10,7 @@ from srprov.importing.compose import envfiles, paths
 from srprov.importing.compose.loading import File, Loading
 from srprov.importing.compose.values import Value, plain, refuse, text_list
 from srprov.importing.compose.variables import Variables
+from srprov.importing.position import Position
 
 _KINDS = ("services", "volumes", "networks", "secrets", "configs", "models")
 DEEPEST = 20
@@ -77,12 +78,13 @@ def _project(wish: Value, number: int, file: File, loading: Loading, load: Load)
     if os.path.realpath(files[0].path) in loading.open:
         raise refuse(names[0], f"files include one another in a circle: '{names[0].data}'", place)
     given = wish.get("project_directory")
-    folder = os.path.dirname(files[0].path)
+    folder, reading = os.path.dirname(files[0].path), loading.reading
     if given is not None and isinstance(given.data, str):
         folder = os.path.join(loading.folder, given.data)
-        loading.reading.inside(folder, given)
-        for one in files:
-            loading.reading.has_home(one.path, folder)
+        reading.inside(folder, given)
+    for one in files:  # before any of them is read: what is found beside it is theirs, too
+        own = os.path.dirname(os.path.realpath(one.path))
+        reading.has_home(one.path, own if given is None else folder)
     folder = os.path.normpath(folder)
     variables = _variables(wish, folder, file, loading)
     tree = load(files, loading.within(folder, variables))
@@ -91,11 +93,14 @@ def _project(wish: Value, number: int, file: File, loading: Loading, load: Load)
 
 def _variables(wish: Value, folder: str, file: File, loading: Loading) -> Variables:
     """Return variables that also know those of the included project's own files."""
-    given = wish.get("env_file")
+    given, reading, home = wish.get("env_file"), loading.reading, ""
     if given is not None:
         named = [file.beside(loading.folder, name) for name in text_list(given) if isinstance(name.data, str)]
-    else:
-        own = Value(".env", wish.at)
-        one = file.beside(folder, own)
+    else:  # nobody named it: it is for that project alone, and a link of that name leads no further than its files may
+        first, home = text_list(wish.data["path"])[0], reading.whole(os.path.realpath(folder))
+        what = file.beside(loading.folder, first)
+        reading.inside(what.path, first)
+        reading.sources.setdefault(what.shown, set()).add(os.path.realpath(what.path))
+        one = file.beside(folder, Value(".env", Position(what.shown)))
         named = [one] if os.path.isfile(one.path) else []
-    return loading.variables.beside(envfiles.variables(named, loading.reading, loading.variables))
+    return loading.variables.beside(envfiles.variables(named, reading, loading.variables, home))

@@ -21,7 +21,7 @@ class Origin(msgspec.Struct, frozen=True):
     """Real path of the folder whose files alone it is for: nobody named the file in which it stands. Empty: of all."""
 
     def is_for(self, folders: Collection[str]) -> bool:
-        """Return whether a file may take it whose nearest folder, of those that files were named in, is this one."""
+        """Return whether a file may take it whose variables are those of some folders."""
         return not self.home or (bool(folders) and all(one == self.home for one in folders))
 
 
@@ -35,11 +35,22 @@ class Both(Mapping[str, Origin]):
     def __getitem__(self, name: str) -> Origin:
         return self.first[name] if name in self.first else self.second[name]
 
+    def every(self, name: str) -> list[Origin]:
+        """Return all that a name is worth, the one that wins first."""
+        return [*every(self.first, name), *every(self.second, name)]
+
     def __iter__(self) -> Iterator[str]:
         return iter({*self.first, *self.second})
 
     def __len__(self) -> int:
         return len({*self.first, *self.second})
+
+
+def every(worth: Mapping[str, Origin], name: str) -> list[Origin]:
+    """Return all that a name is worth in some variables, the one that wins first."""
+    if isinstance(worth, Both):
+        return worth.every(name)
+    return [worth[name]] if name in worth else []
 
 
 def not_for(name: str, source: str, at: Position) -> Diagnostic:

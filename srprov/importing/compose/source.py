@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 from srprov import regular_file
@@ -15,6 +15,7 @@ from srprov.codes import Code
 from srprov.definitions.own_content import is_own
 from srprov.definitions.paths import belongs, inside
 from srprov.errors import DefinitionError, Diagnostic
+from srprov.importing.compose.folders import innermost, led_away, open_to
 from srprov.importing.compose.scalars import Date, meaning
 from srprov.importing.compose.scalars import shown as as_printed
 from srprov.importing.compose.values import Value, dotted
@@ -62,8 +63,9 @@ class Reading:
             Refused: It does not.
         """
         real = os.path.realpath(path)
-        roots = (*self.roots, *filter(None, [self.project]))
-        if not any(belongs(real, root) for root in open_to(roots, self.near(named.at.file))):
+        roots, every = (*self.roots, *filter(None, [self.project])), self.folders()
+        near = open_to(roots, self.near(named.at.file))
+        if not any(belongs(real, root) for root in near) or led_away(path, every):
             where = "outside of the folder of the file that says so, in .git or the like"
             message = f"'{named.data}' lies {where}, or elsewhere by another name (a hard link), and is not read"
             raise Refused([Diagnostic(named.at, message, hint=HINT, code=Code.OUTSIDE)])
@@ -82,11 +84,19 @@ class Reading:
         """Note the folder of which a Compose file may name files, which who includes it may name."""
         self.homes.setdefault(os.path.realpath(path), set()).add(os.path.realpath(folder))
 
-    def nearest(self, shown: str) -> list[str]:
-        """Return the nearest folder of a named file around each file that was read under a name."""
-        # a whole project that is only included has the variables of who includes it, as without that word
-        roots = {*self.roots, *map(self.whole, self.roots)}
-        return [self.whole(one) for one in nearest(tuple(roots), self.sources.get(shown, ()))]
+    def folders(self) -> set[str]:
+        """Return all folders of which some file may name files."""
+        return {self.whole(one) for one in (*self.roots, *(home for some in self.homes.values() for home in some))}
+
+    def whose(self, shown: str) -> set[str]:
+        """Return the folders whose variables a file has that was read under a name.
+
+        Of a Compose file that is those of which it may name files, and of another one the innermost of these around it.
+        """
+        folders, found = self.folders(), set[str]()
+        for file in self.sources.get(shown, ()):
+            found |= self.homes.get(file) or {innermost(folders, file)}
+        return {self.whole(one) for one in found}
 
     def note_secrets(self, tree: Value, folders: Collection[str]) -> None:
         """Note what a file calls secrets' files, wherever its relative paths may begin."""
@@ -155,21 +165,6 @@ class Reading:
                 self.has_home(path, os.path.dirname(os.path.realpath(path)))
             self.trees[path, shown] = _tree(self.text(path, shown, named), shown, self.written)
         return self.trees[path, shown]
-
-
-def nearest(roots: Sequence[str], files: Collection[str]) -> list[str]:
-    """Return, of the folders in which files were named, the nearest around each of some files. Real paths."""
-    return [max((one for one in roots if inside(file, one)), key=len, default="") for file in files]
-
-
-def open_to(roots: Sequence[str], near: Collection[str]) -> list[str]:
-    """Return the folders of which a file may name others: those in each that is `near` it, and in one of `roots`.
-
-    One of several files may be a stranger's, whether the user named it or has it included by his own. What lies beside
-    another one, also further up, is then the user's. Real paths.
-    """
-    own = [one if any(inside(one, root) for root in roots) else "" for one in near]
-    return [one for one in dict.fromkeys((*roots, *own)) if own and all(each and inside(one, each) for each in own)]
 
 
 def _at(error: DefinitionError, named: Value | None) -> Refused:

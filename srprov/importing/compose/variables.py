@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from srprov.codes import Code
 from srprov.errors import Diagnostic
-from srprov.importing.compose.origins import Both, Origin, not_for
+from srprov.importing.compose.origins import Both, Origin, every, not_for
 from srprov.importing.normal import Refused, Variable
 from srprov.importing.position import Position
 
@@ -40,20 +40,22 @@ class Variables:
     problems: list[Diagnostic] = field(default_factory=list)
     size: list[int] = field(default_factory=lambda: [0, 0])
     """How much text there is by now, and was looked at; one list for all that read one project."""
-    nearest: Callable[[str], Collection[str]] = lambda _: ()
-    """Returns the nearest folder, of those that files were named in, of what was read under a name."""
+    whose: Callable[[str], Collection[str]] = lambda _: ()
+    """Returns the folders whose variables a file has that was read under a name."""
 
     def beside(self, more: Mapping[str, Origin]) -> Variables:
         """Return variables that know more names, for an included project; what is asked for is recorded here too."""
-        return Variables(Both(self.worth, more), self.used, self.problems, self.size, self.nearest)
+        return Variables(Both(self.worth, more), self.used, self.problems, self.size, self.whose)
 
     def known(self, name: str, at: Position) -> Origin | None:
         """Return what a variable is worth to a file; one that is for others has no value, which is a problem."""
-        found = self.worth.get(name)
-        if found is None or found.is_for(self.nearest(at.file) if found.home else ()):
-            return found
-        self.problems.append(not_for(name, found.source, at))
-        return Origin("", found.source)
+        worth = every(self.worth, name)
+        if not worth or worth[0].is_for(self.whose(at.file) if worth[0].home else ()):
+            return worth[0] if worth else None
+        if given := next((one for one in worth if not one.home), None):
+            return given  # somebody named the file, for this project
+        self.problems.append(not_for(name, worth[0].source, at))
+        return Origin("", worth[0].source)
 
     def put_in(self, text: str, at: Position) -> str:
         """Return a text with its variables put in; what is wrong is added to `problems`.

@@ -27,6 +27,7 @@ ON_PURPOSE: Mapping[str, str] = {
     "<<: {tty: true}\n<<: {init: true}": "tags",
     "services: {a: {image: x}}\n---\nservices: {b: {image: y}}": "documents",
     "second folder": "outside",
+    "inc env2": "variables",
     "build2": "crash",
     "pid:": "crash",
     "mem_limit: 10.5": "fraction",
