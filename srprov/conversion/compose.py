@@ -33,6 +33,8 @@ class Wanted(msgspec.Struct, frozen=True, kw_only=True):
     home: str = "robot"
     root: str = ""
     """Folder of the whole project: what its files may name."""
+    joined: Collection[str] = ()
+    """Names of what files in folders apart have together, as the user says."""
     own: Collection[str] = ()
     """Real paths of files of the user's that no project has, wherever they lie: secrets were read from them."""
 
@@ -64,7 +66,7 @@ def draft(wanted: Wanted) -> Draft:
         else str(machines[0].normal.document.get("name") or "").removeprefix(EXPORTED)
     )
     some_profiles = bool(wanted.profiles) and "*" not in wanted.profiles
-    choices = Choices(home=wanted.home, chosen_profiles=some_profiles, own=wanted.own)
+    choices = Choices(home=wanted.home, chosen_profiles=some_profiles, own=wanted.own, joined=wanted.joined)
     made = convert(machines, instance_name(name), choices, os.path.abspath(wanted.folder), network)
     homes = (home for one in every for some in (one.homes or {}).values() for home in some)
     return replace(made, homes=frozenset(homes))

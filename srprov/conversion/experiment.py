@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from srprov.codes import Code
-from srprov.conversion import names_used, services
+from srprov.conversion import apart, names_used, services
 from srprov.conversion.kept import Kept
 from srprov.conversion.notes import Finding, Notes
 from srprov.conversion.project import Choices, Machine, Making, Project, service_name
@@ -69,13 +69,11 @@ def convert(
         UsageError: There are more services than an instance can have.
     """
     if (count := sum(len(one.normal.document.get("services") or ()) for one in machines)) > MOST_SERVICES:
-        hint = "import some of the files at a time"
-        raise UsageError(
-            f"there are {count} services, and an experiment has at most {MOST_SERVICES}", hint=hint, code=Code.TOO_LARGE
-        )
+        words = f"there are {count} services, and an experiment has at most {MOST_SERVICES}"
+        raise UsageError(words, hint="import some of the files at a time", code=Code.TOO_LARGE)
     withheld = {*choices.own, *(path for one in machines for path in one.normal.secret_files)}
     making = Making(name, choices, dict(network), withheld=withheld)
-    projects = [_project(machine, making) for machine in machines]
+    projects = [Project(one, making, one.normal.document, Notes(one.normal)) for one in machines]
     for project in projects:
         _names(project, projects)
     for project in projects:
@@ -86,6 +84,7 @@ def convert(
             making.origins[project.names[service]] = (project.notes, ("services", service))
         _healthchecks(project)
         _top(project)
+    apart.refuse(projects)
     findings = [one for project in projects for one in project.notes.finished()]
     return Draft(
         edf=_edf(making),
@@ -111,34 +110,7 @@ def _together(projects: Sequence[Project]) -> Iterator[Note]:
 
 
 def _warnings(project: Project) -> tuple[Note, ...]:
-    return (*_of_several(project), *project.machine.normal.warnings)
-
-
-def _of_several(project: Project) -> Iterator[Note]:
-    """Yield services and volumes that several files have, of which not each may name what lies beside the others.
-
-    One may be a stranger's: a program or a mount of his in a service of the user's has what that one is given.
-    """
-    normal = project.notes.normal
-    known, parts = normal.homes or {}, dict[Path, dict[str, Path]]()  # what several may have -> file -> where it is
-    for path, at in sorted(normal.positions.items(), key=lambda one: one[1]):
-        if path[:1] == ("services",) and path[2:] and at.file in known:
-            parts.setdefault(path[:2], {}).setdefault(at.file, path)
-    for service, given in (project.document.get("services") or {}).items():
-        for index, one in enumerate(given.get("volumes") or ()):
-            if one.get("type") == "volume" and one.get("source"):
-                path = ("services", service, "volumes", index, "source")
-                parts.setdefault(("volumes", str(one["source"])), {}).setdefault(normal.position_of(path).file, path)
-    for what, files in parts.items():
-        if any(not project.opens(one, other) for one in files.values() for other in files.values()):
-            kind = "the service" if what[0] == "services" else "the volume"
-            message = f"{kind} '{str(what[1])[:60]}' has parts, or is mounted, in {', '.join(files)}, which are apart"
-            hint = "where one of them is a stranger's, look at what it says of this one: it has what the others give it"
-            yield Note(normal.position_of(what), message, hint)
-
-
-def _project(machine: Machine, making: Making) -> Project:
-    return Project(machine, making, machine.normal.document, Notes(machine.normal))
+    return (*apart.told(project), *project.machine.normal.warnings)
 
 
 def _names(project: Project, projects: Sequence[Project]) -> None:

@@ -11,9 +11,9 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from srprov.conversion import apart
 from srprov.conversion.project import WRITTEN, Project
 from srprov.definitions.model import makes_repository
-from srprov.importing.compose.source import HINT
 from srprov.importing.position import Path
 
 _NAME = re.compile(r"[^A-Za-z0-9_.-]+")
@@ -27,6 +27,8 @@ def secrets(given: Mapping[str, Any], project: Project, at: Path, folder: str) -
     for index, one in enumerate(given.get("secrets") or ()):
         name = str(one.get("source"))
         entry = (project.document.get("secrets") or {}).get(name) or {}
+        if not apart.may_use(project, ("secrets", name), (*at, "secrets", index, "source")):
+            continue
         source = _source(entry, ("secrets", name), project, folder)
         if source is None:
             continue
@@ -77,10 +79,9 @@ def configs(given: Mapping[str, Any], project: Project, at: Path, folder: str) -
         path, target = ("configs", name), str(one.get("target") or f"/{name}")
         target = target if target.startswith("/") else f"/{target}"
         used = (*at, "configs", index, "source")
-        if not project.opens((*path, "content" if entry.get("content") is not None else "file"), used):
-            words = f"'{name[:60]}' is a config of another file, of whose folder this one may name nothing"
-            project.notes.refused(used, words, f"name it there for this service, too; or {HINT}")
-        elif entry.get("environment"):
+        if not apart.may_use(project, path, used):
+            continue
+        if entry.get("environment"):
             source = {"env": str(entry["environment"])}
             uses.append(_use(_secret(name, source, project), target, "", one))
         elif place := _shipped(entry, name, path, project):

@@ -13,8 +13,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from srprov import names
+from srprov.conversion import apart
 from srprov.conversion.project import Project
-from srprov.importing.compose.source import HINT
 from srprov.importing.position import Path
 
 _SYSTEM = re.compile(r"/(dev|proc|sys|run|var/run|etc|usr|lib|lib64|boot|tmp/\.X11-unix|tmp/\.docker\.xauth)(/.*)?\Z")
@@ -77,16 +77,14 @@ def _named(given: Mapping[str, Any], one: Mapping[str, Any], service: str, proje
         made = _made_name(project.names[service], str(one["target"]), project)
         project.notes.adapted(path, f"without a name: the volume '{made}', which stays until destroy --volumes")
         return _short(made, one)
+    if not apart.may_use(project, ("volumes", str(name)), (*path, "source")):
+        return None
     device = _device(str(name), project)
     if device is None:
         return _short(_volume_name(str(name), project), one)
     if device.startswith("/"):
         return _short(device, one)
     at = ("volumes", str(name), "driver_opts", "device")
-    if device and not device.startswith("~") and not project.opens(at, (*path, "source")):
-        words = f"'{str(name)[:60]}' is a folder of another file's, of whose folder this one may name nothing"
-        project.notes.refused(path, words, f"name it there for this service, too; or {HINT}")
-        return None
     return _bind(given, {**one, "source": device}, project, path, at) if device else None
 
 

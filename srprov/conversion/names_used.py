@@ -31,8 +31,8 @@ def on_overlay(given: Mapping[str, Any]) -> bool:
 def hostnames(project: Project) -> dict[str, str]:
     """Return service (as Compose has it) -> its `hostname`; what cannot be kept is noted."""
     services: Mapping[str, Mapping[str, Any]] = project.document.get("services") or {}
-    words = {name: _words(given) for name, given in services.items()}
-    uses = Counter(word for some in words.values() for word in some)
+    used_words = {name: words(given) for name, given in services.items()}
+    uses = Counter(word for some in used_words.values() for word in some)
     links = _links(services)
     found: dict[str, str] = {}
     for name, given in services.items():
@@ -40,7 +40,7 @@ def hostnames(project: Project) -> dict[str, str]:
         used = {
             alias: path
             for alias, path in _names(name, project, links.get(name, ()))
-            if uses[alias] > (alias in words[name]) and alias != project.names[name]
+            if uses[alias] > (alias in used_words[name]) and alias != project.names[name]
         }
         own = str(given.get("hostname") or "")
         if own == project.names[name]:
@@ -134,7 +134,7 @@ def _addresses(name: str, given: Mapping[str, Any], project: Project, words: Col
                 )
 
 
-def _words(given: Mapping[str, Any]) -> set[str]:
+def words(given: Mapping[str, Any]) -> set[str]:
     """Return all words in a service's texts that may be a host's name."""
     texts = [str(value) for value in (given.get("environment") or {}).values() if value]
     for key in ("command", "entrypoint"):

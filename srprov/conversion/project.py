@@ -49,6 +49,8 @@ class Choices(msgspec.Struct, frozen=True):
     """Services were chosen by their profiles already."""
     own: Collection[str] = ()
     """Real paths of files of his own, which are not copied wherever they lie."""
+    joined: Collection[str] = ()
+    """Names of what files in folders apart have together, as he says."""
 
 
 @dataclass
@@ -102,6 +104,8 @@ class Project:
     """The service's name in Compose -> in the experiment."""
     volume_names: dict[str, str] = field(default_factory=dict)
     """The same of volumes."""
+    opened: dict[tuple[str, str], bool] = field(default_factory=dict)
+    """What `opens` has found."""
 
     def path(self, written: str) -> str:
         """Return the absolute path of what is written relative to the project's folder."""
@@ -133,17 +137,23 @@ class Project:
         first = [FILES, *([self.making.word(self.machine.robot)] if self.machine.robot else [])]
         return os.path.normpath(os.path.join(*first, below))
 
-    def opens(self, said: Path, used: Path) -> bool:
-        """Return whether the file that has one part may have what another part's file names: what lies in its folder.
+    def opens(self, said: str, used: str) -> bool:
+        """Return whether one file may have what another one names: what lies in the other's folder.
 
-        Names of one file are not enough: a stranger's may have guessed what the user's own calls its files.
+        Names of one file are not enough: a stranger's may have guessed what the user's own calls its things.
         """
         homes = self.notes.normal.homes
         if homes is None:
             return True
-        those, own = (homes.get(self.notes.normal.position_of(one).file, ()) for one in (said, used))
-        mine = open_to(self.machine.folders, own)
-        return bool(those) and all(any(inside(one, home) for home in mine) for one in those)
+        if (said, used) not in self.opened:
+            mine, those = open_to(self.machine.folders, homes.get(used, ())), homes.get(said, ())
+            found = bool(those) and all(any(inside(one, home) for home in mine) for one in those)
+            self.opened[said, used] = found
+        return self.opened[said, used]
+
+    def are_apart(self, one: str, other: str) -> bool:
+        """Return whether one of two files may not have what the other one names."""
+        return not (self.opens(one, other) and self.opens(other, one))
 
     def take(self, source: str, at: Path) -> str:
         """Have a file or folder copied into the experiment, and return its path there; empty when it lies outside."""

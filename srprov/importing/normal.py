@@ -46,6 +46,13 @@ class Named(msgspec.Struct, frozen=True):
     at: Position
 
 
+class Part(msgspec.Struct, frozen=True):
+    """What one file says of a service, or of another thing that has a name."""
+
+    at: Position
+    keys: tuple[str, ...] = ()
+
+
 class Normal(msgspec.Struct, frozen=True):
     """One project: all files merged, variables put in, everything in its long form."""
 
@@ -63,6 +70,9 @@ class Normal(msgspec.Struct, frozen=True):
     """What a file is called in positions -> real paths of the folders of which it may name files, those in each of
     them; None where each may name what lies beside any of them.
     """
+
+    parts: Mapping[Path, tuple[Part, ...]] = msgspec.field(default_factory=dict)
+    """Kind and name of a thing -> what each file that was laid over others says of it, also that it goes (`!reset`)."""
 
     def position_of(self, path: Path) -> Position:
         """Return where a value was written, or the nearest value around it."""

@@ -107,7 +107,8 @@ def _result(tree: Value, loading: Loading) -> Normal:
     homes = {
         shown: frozenset(reading.near(shown)) for shown, real in reading.sources.items() if real & reading.homes.keys()
     }
-    return Normal(plain(tree), dict(places(tree)), tuple(used), told, frozenset(reading.secrets), named, homes)
+    parts = {path: tuple(some) for path, some in loading.parts.items()}
+    return Normal(plain(tree), dict(places(tree)), tuple(used), told, frozenset(reading.secrets), named, homes, parts)
 
 
 def _own_env_file(folder: str, first: File) -> list[File]:

@@ -236,7 +236,8 @@ def test_a_file_names_what_lies_beside_itself(together: Path) -> None:
     (together / "compose.yml").write_text("services: {a: {image: x, volumes: ['./map.yaml:/m:ro']}}\n")
     mine = "env_file: ../lab/vars.env, volumes: ['../lab/notes.txt:/n:ro']"
     Path("lab/mine.yml").write_text(f"services: {{a: {{{mine}}}}}\n")
-    assert run(["import", "compose", "stranger/compose.yml", "lab/mine.yml", "-o", "new"]) == 0
+    files = ["stranger/compose.yml", "lab/mine.yml", "--join", "services.a"]
+    assert run(["import", "compose", *files, "-o", "new"]) == 0
     assert Path("new/files/lab/notes.txt").read_text() == CANARY
     assert Path("new/files/stranger/map.yaml").read_text() == "a map"
 
@@ -270,8 +271,11 @@ def test_a_name_that_the_users_own_file_gives_a_file_gives_it_to_no_service_of_a
         mine.write_text(text)
     # whose file it is may give it to that service, and whoever calls the whole project his
     assert run(["import", "compose", "stranger/compose.yml", "lab/mine.yml", "--root", ".", "-o", "whole"]) == 0
+    files = ["stranger/compose.yml", "lab/mine.yml", "--join", f"{said.partition(':')[0]}.own"]
+    assert run(["import", "compose", *files, "-o", "joined"]) == 0, capsys.readouterr()
     mine.write_text(f"services: {{own: {{image: x, {use}}}, a: {{{use}}}}}\n{said}\n")
-    assert run(["import", "compose", "stranger/compose.yml", "lab/mine.yml", "-o", "new"]) == 0, capsys.readouterr()
+    files = ["stranger/compose.yml", "lab/mine.yml", "--join", "services.a"]
+    assert run(["import", "compose", *files, "-o", "new"]) == 0, capsys.readouterr()
 
 
 def test_a_service_and_a_volume_of_several_files_are_told(together: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -280,7 +284,12 @@ def test_a_service_and_a_volume_of_several_files_are_told(together: Path, capsys
     (together / "compose.yml").write_text(f"{used}\n")
     Path("lab/mine.yml").write_text("services: {own: {image: x, volumes: ['data:/d']}}\nvolumes: {data: {}}\n")
     files = ["stranger/compose.yml", "lab/mine.yml"]
-    assert run(["import", "compose", *files, "-o", "new"]) == 0
+    assert run(["import", "compose", *files, "-o", "new"]) == 5
+    told = capsys.readouterr().out
+    assert "'own' is of lab/mine.yml:1 (image, volumes) and stranger/compose.yml:1 (entrypoint)" in told
+    joined = ["--join", "services.own", "--join", "volumes.data"]
+    assert all(" ".join(joined[at : at + 2]) in told for at in (0, 2)) and not Path("new").exists()
+    assert run(["import", "compose", *files, *joined, "-o", "new"]) == 0
     told = capsys.readouterr()
     for what in ("the service 'own'", "the volume 'data'"):
         line = next(one for one in (told.out + told.err).splitlines() if f"{what} has parts" in one)
@@ -321,6 +330,7 @@ def test_what_stands_beside_a_strangers_file_says_nothing_of_what_the_user_names
     Path("lab/maps/hall").write_text("a map")
     Path("lab/mine.yml").write_text("services: {a: {volumes: ['${MAPS:-../lab/maps}:/m:ro']}}\n")
     files = ["stranger/compose.yml", "lab/mine.yml"]
+    files += ["--join", "services.a"]
     assert run(["import", "compose", *files, "-o", "new"]) == 5
     said = capsys.readouterr().err
     assert "lab/mine.yml:1" in said and "--env-file stranger/.env" in said and not Path("new").exists()
@@ -329,12 +339,14 @@ def test_what_stands_beside_a_strangers_file_says_nothing_of_what_the_user_names
 
 
 def test_a_file_of_variables_that_is_named_is_for_all_files(together: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """So is `.env` for what lies below it, where no file was named in a folder further down."""
+    """`.env`, which nobody names, is for the files of its own folder."""
     Path("lab/.env").write_text("A=1\n")
     Path("lab/base.yml").write_text("services: {a: {image: 'x:${A}'}}\ninclude: [own/more.yml]\n")
     Path("lab/own/more.yml").write_text("services: {c: {image: 'x:${A}'}}\n")
     (together / "compose.yml").write_text("services: {b: {image: 'x:${A}'}}\n")
-    assert run(["import", "compose", "lab/base.yml", "-o", "one"]) == 0, capsys.readouterr().err
+    assert run(["import", "compose", "lab/base.yml", "-o", "one"]) == 5
+    assert "lab/own/more.yml:1" in capsys.readouterr().err
+    assert run(["import", "compose", "lab/base.yml", "--root", "lab", "-o", "one"]) == 0, capsys.readouterr().err
     files = ["lab/base.yml", "stranger/compose.yml"]
     assert run(["import", "compose", *files, "--env-file", "lab/.env", "-o", "two"]) == 0, capsys.readouterr().err
     assert Path("two/experiment.edf").read_text().count("x:1") == 3
@@ -445,12 +457,15 @@ def test_a_folder_with_none_of_the_files_is_no_whole_project(capsys: pytest.Capt
 
 
 def test_what_is_included_may_be_the_whole_project(ros_project: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Then that has nothing of the user's own file but its variables, as without it."""
+    """Then that has nothing of the user's own file, and its variables by `--env-file` alone."""
     Path("docker/compose.yml").write_text("services: {nav: {image: 'x:${TAG}', volumes: ['../src:/s:ro']}}\n")
     own = ros_project.parent
     (own / ".env").write_text("TAG=8\n")
     (own / "mine.yml").write_text("include: [nav/docker/compose.yml]\n")
     words = ["import", "compose", str(own / "mine.yml"), "--root", ".", "-o"]
+    assert run([*words, "new"]) == 5
+    assert "TAG is of" in capsys.readouterr().err
+    words[-1:] = ["--env-file", str(own / ".env"), "-o"]
     assert run([*words, "new"]) == 0, capsys.readouterr().err
     assert list(Path("new/files").rglob("node.py"))
     assert "x:8" in Path("new/experiment.edf").read_text()

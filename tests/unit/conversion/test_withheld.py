@@ -94,7 +94,7 @@ def test_a_second_name_beside_the_users_own_compose_file_is_his_own(here: Path) 
     os.link("maps/floor", "maps/now")
     Path("pub/c.yml").write_text("services: {a: {image: x}}\n")
     Path("mine.yml").write_text("services: {a: {volumes: ['./maps:/maps:ro']}}\n")
-    assert run(["import", "compose", "mine.yml", "pub/c.yml", "-o", "out"]) == 0
+    assert run(["import", "compose", "mine.yml", "pub/c.yml", "--join", "services.a", "-o", "out"]) == 0
     assert sorted(one.name for one in Path("out").rglob("maps/*")) == ["floor", "now"]
 
 

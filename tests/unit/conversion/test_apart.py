@@ -1,0 +1,272 @@
+"""What Compose files in folders apart have together, key by key: one of them may be a stranger's."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from srprov.cli.main import run
+from srprov.conversion import table
+
+CANARY = "nobodys-business"
+OWN = "services: {own: {image: x, user: '1', configs: [c], secrets: [s], volumes: ['data:/v', 'bound:/b:ro']}}\n"
+THINGS = (
+    f"configs: {{c: {{content: {CANARY}}}}}\n"
+    "secrets: {s: {file: ./token}}\n"
+    "volumes: {data: {}, bound: {driver: local, driver_opts: {type: none, o: bind, device: ./maps}}}\n"
+)
+KEYS = sorted({one.split(".")[2] for one in table.TABLE if one.startswith("services.*.")})
+
+
+@pytest.fixture(params=["beside", "below"])
+def theirs(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Return the folder of a stranger's file: beside that of the user's own, `lab`, or a clone in it."""
+    monkeypatch.chdir(tmp_path)
+    folder = "stranger" if request.param == "beside" else "lab/vendor"
+    for place in ("lab/maps", folder):
+        Path(place).mkdir(parents=True)
+    Path("lab/token").write_text(CANARY)
+    Path("lab/maps/hall").write_text(CANARY)
+    Path("lab/mine.yml").write_text(OWN + THINGS)
+    return folder
+
+
+def importing(theirs: str, text: str, *words: str, first: bool = False) -> int:
+    """Import a stranger's file with the user's own."""
+    Path(theirs, "compose.yml").write_text(f"{text}\n")
+    mine, away = Path("lab/mine.yml"), os.path.relpath("lab", theirs if first else "lab")
+    mine.write_text(mine.read_text().replace(" ./", f" {away}/"))
+    files = ["lab/mine.yml", f"{theirs}/compose.yml"]
+    return run(["import", "compose", *(files[::-1] if first else files), *words, "-o", "new"])
+
+
+def refused(said: pytest.CaptureResult[str], key: str) -> None:
+    """Look that nothing was written, and that the way to say so is told."""
+    assert f"--join {key}\n" in said.out and not Path("new").exists(), said
+
+
+def test_every_key_of_a_service_is_looked_at() -> None:
+    assert {"command", "entrypoint", "image", "build", "volumes", "environment", "secrets", "user"} <= {*KEYS}
+
+
+@pytest.mark.parametrize("key", [one for one in KEYS if one != "extends"])
+def test_no_key_of_the_users_own_service_is_taken_away(
+    theirs: str, capsys: pytest.CaptureFixture[str], key: str
+) -> None:
+    """What is taken away leaves no place in what the files are together."""
+    assert importing(theirs, f"services: {{own: {{{key}: !reset null}}}}") == 5
+    if key != "image":  # without one, Compose refuses it
+        said = capsys.readouterr()
+        refused(said, "services.own")
+        assert f"{theirs}/compose.yml:1 ({key})" in said.out
+
+
+VALUES = (
+    "command: [sh]", "entrypoint: [sh]", "image: y", "environment: {LD_PRELOAD: /v/x.so}", "volumes: ['data:/w']",
+    "working_dir: /v", "healthcheck: {test: [CMD, sh]}", "labels: {l: x}", "user: root", "privileged: true",
+    "network_mode: host", "profiles: [off]", "configs: [c]", "secrets: [s]", "cap_add: [ALL]", "devices: [/dev/x]",
+    "build: {dockerfile_inline: FROM y}", "ports: ['1:1']", "extra_hosts: [h=1.2.3.4]", "hostname: h", "scale: 2",
+    "volumes: !override []", "environment: !override {A: b}", "deploy: {replicas: 2}",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("first", [True, False])
+@pytest.mark.parametrize("value", VALUES)
+def test_nothing_is_put_into_the_users_own_service(
+    theirs: str, capsys: pytest.CaptureFixture[str], value: str, first: bool
+) -> None:
+    """It would have what that one is given: a program that runs there reads it, an image as well."""
+    assert importing(theirs, f"services: {{own: {{{value}}}}}", first=first) == 5
+    said = capsys.readouterr()
+    if "device" not in said.err:
+        refused(said, "services.own")
+
+
+@pytest.mark.parametrize("first", [True, False])
+@pytest.mark.parametrize(
+    ("key", "text"),
+    [
+        ("configs.c", "configs: {c: {content: theirs}}"),
+        ("configs.c", "configs: {c: {content: theirs}}"),
+        ("configs.c", "configs: {c: {name: x}}"),
+        ("secrets.s", "secrets: {s: {file: ./theirs}}"),
+        ("secrets.s", "secrets: {s: {name: x}}"),
+        ("volumes.bound", "volumes: {bound: {driver_opts: {type: none, o: bind, device: ./theirs}}}"),
+        ("volumes.data", "volumes: {data: {driver_opts: {type: none, o: bind, device: /}}}"),
+        ("volumes.data", "volumes: {data: }"),
+    ],
+)
+def test_nothing_of_the_users_is_said_otherwise(
+    theirs: str, capsys: pytest.CaptureFixture[str], key: str, text: str, first: bool
+) -> None:
+    """The user's own service would run, or read, what the stranger put in its place."""
+    assert importing(theirs, f"services: {{t: {{image: x}}}}\n{text}", first=first) == 5
+    refused(capsys.readouterr(), key)
+
+
+@pytest.mark.parametrize(
+    ("key", "text"),
+    [
+        ("services.own", "services: !override {t: {image: x}, own: {image: x}}"),
+        ("configs.c", "services: {t: {image: x}}\nconfigs: !override {c: {content: theirs}}"),
+        ("volumes.data", "services: {t: {image: x}}\nvolumes: !override {data: {}, bound: {}}"),
+    ],
+)
+def test_no_kind_of_things_is_taken_away_at_once(
+    theirs: str, capsys: pytest.CaptureFixture[str], key: str, text: str
+) -> None:
+    assert importing(theirs, text) == 5
+    refused(capsys.readouterr(), key)
+
+
+USES = (
+    ("configs.c", "configs: [c]"), ("configs.c", "configs: [{source: c, target: /x}]"),
+    ("secrets.s", "secrets: [s]"), ("secrets.s", "secrets: [{source: s, target: x}]"),
+    ("volumes.data", "volumes: ['data:/x']"), ("volumes.data", "volumes: [{type: volume, source: data, target: /x}]"),
+    ("volumes.bound", "volumes: ['bound:/x']"), ("volumes.bound", "volumes: ['bound:/x:ro']"),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("how", ["first", "last", "included", "extended"])
+@pytest.mark.parametrize(("key", "use"), USES)
+def test_no_service_of_another_file_has_what_the_users_own_names(
+    theirs: str, capsys: pytest.CaptureFixture[str], key: str, use: str, how: str
+) -> None:
+    """A name is easily guessed, or asked for; the value of a secret, too, is its user's to give."""
+    text = f"services: {{t: {{image: x, {use}}}}}"
+    if how in ("first", "last"):
+        assert importing(theirs, text, first=how == "first") == 5
+        refused(capsys.readouterr(), key)
+        assert importing(theirs, text, "--join", key, first=how == "first") == 0, capsys.readouterr()
+    elif theirs != "stranger":
+        Path(theirs, "compose.yml").write_text(f"{text}\n")
+        by = "include: [vendor/compose.yml]\n"
+        if how == "extended":
+            by = "services: {t: {extends: {file: vendor/compose.yml, service: t}}}\n"
+        services = OWN if how == "included" else OWN.replace("services: {", by.rstrip("}\n") + "}}, ")
+        Path("lab/mine.yml").write_text(services + THINGS + (by if how == "included" else ""))
+        assert run(["import", "compose", "lab/mine.yml", "-o", "new"]) == 5
+        refused(capsys.readouterr(), key)
+        assert run(["import", "compose", "lab/mine.yml", "--join", key, "-o", "new"]) == 0, capsys.readouterr()
+
+
+def test_what_a_file_extends_and_includes_is_its_own_word(theirs: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Who extends a service says which; no one need be asked again."""
+    if theirs == "stranger":
+        return
+    Path(theirs, "compose.yml").write_text("services: {t: {image: x, entrypoint: [sh]}}\n")
+    Path("lab/mine.yml").write_text(
+        "services: {own: {extends: {file: vendor/compose.yml, service: t}, secrets: [s]}}\n"
+        f"include: [vendor/compose.yml]\n{THINGS}"
+    )
+    assert run(["import", "compose", "lab/mine.yml", "-o", "new"]) == 0
+    assert "the service 'own' has parts" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("kind", ["variable", "link", "hard link"])
+def test_what_is_included_has_nothing_of_the_users_variables(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], kind: str
+) -> None:
+    """Its own `.env` may be a link to any file of the user's that reads like one."""
+    monkeypatch.chdir(tmp_path)
+    Path("vendor").mkdir()
+    Path("vendor/compose.yml").write_text("services: {t: {image: x, environment: {X: '${DB_PASSWORD}'}}}\n")
+    Path("mine.yml").write_text("services: {own: {image: x}}\ninclude: [vendor/compose.yml]\n")
+    Path("private.env" if kind != "variable" else ".env").write_text(f"DB_PASSWORD={CANARY}\n")
+    if kind == "link":
+        Path("vendor/.env").symlink_to("../private.env")
+    elif kind == "hard link":
+        os.link("private.env", "vendor/.env")
+    assert run(["import", "compose", "mine.yml", "-o", "new"]) == 5
+    said = capsys.readouterr()
+    assert CANARY not in said.out + said.err and not Path("new").exists()
+    if kind == "variable":  # whoever includes it gives them
+        Path("mine.yml").write_text("include: [{path: vendor/compose.yml, env_file: .env}]\n")
+        assert run(["import", "compose", "mine.yml", "-o", "new"]) == 0, capsys.readouterr()
+        assert CANARY in Path("new/experiment.edf").read_text()
+
+
+@pytest.mark.parametrize(
+    "use", ["volumes: ['./vendor/conf:/c:ro']", "volumes: ['./vendor/conf:/c']", "build: vendor/conf"]
+)
+def test_no_link_in_an_included_project_leads_out_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], use: str
+) -> None:
+    """The user's own file names what lies there; where a link there leads is the stranger's word."""
+    monkeypatch.chdir(tmp_path)
+    for place in ("private", "vendor/real"):
+        Path(place).mkdir(parents=True)
+        Path(place, "Dockerfile").write_text("FROM x\n")
+    Path("vendor/compose.yml").write_text("services: {t: {image: x}}\n")
+    Path("mine.yml").write_text(f"services: {{own: {{image: x, {use}}}}}\ninclude: [vendor/compose.yml]\n")
+    Path("vendor/conf").symlink_to("../private")
+    assert run(["import", "compose", "mine.yml", "-o", "new"]) == 5
+    assert "lies outside" in capsys.readouterr().out and not Path("new").exists()
+    Path("vendor/conf").unlink()
+    Path("vendor/conf").symlink_to("real")
+    assert run(["import", "compose", "mine.yml", "-o", "new"]) == 0, capsys.readouterr()
+
+
+TAKEN = (
+    "services: {t: {image: y, hostname: licence.lab}}",
+    "services: {t: {image: y, networks: {default: {aliases: [licence.lab]}}}}",
+    "services: {t: {image: y, container_name: licence.lab}}",
+    "services: {t: {image: y}, u: {image: y, links: ['t:licence.lab']}}",
+    "services: {t: {image: y, hostname: Licence.Lab}}",
+    "services: {licence.lab: {image: y}}",
+)
+
+
+@pytest.mark.parametrize("text", TAKEN)
+@pytest.mark.parametrize("own", ["extra_hosts: [licence.lab=10.0.0.9]", "environment: {L: 'http://licence.lab/'}"])
+def test_no_service_takes_the_name_of_a_host_that_the_users_own_asks(
+    theirs: str, capsys: pytest.CaptureFixture[str], text: str, own: str
+) -> None:
+    """What it sends to a host elsewhere went to the stranger's container; `extra_hosts` were left out for it."""
+    Path("lab/mine.yml").write_text(f"services: {{own: {{image: x, {own}}}}}\n")
+    for first in (True, False):
+        code, said = importing(theirs, text, first=first), capsys.readouterr()
+        entry = Path("new/experiment.edf").read_text() if code == 0 else ""
+        assert (
+            code == 5 or "licence.lab=10.0.0.9" in entry or "licence.lab" not in entry.lower().replace("//licence", "")
+        )
+        if code == 5:
+            assert "--join services." in said.out
+        else:
+            Path("new").rename(f"kept-{first}")
+
+
+def test_no_service_of_another_robots_file_takes_such_a_name(theirs: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The overlay is that of all robots."""
+    Path("lab/mine.yml").write_text("services: {own: {image: x, environment: {L: 'http://licence.lab/'}}}\n")
+    Path("map").write_text(f"lab/mine.yml: r1\n{theirs}/compose.yml: r2\n")
+    text = "services: {t: {image: y, hostname: licence.lab}}"
+    assert importing(theirs, text, "--robot-map", "map") == 5
+    refused(capsys.readouterr(), "services.t")
+    assert importing(theirs, text, "--robot-map", "map", "--join", "services.t") == 0, capsys.readouterr()
+
+
+def test_no_export_says_how_services_of_another_file_find_each_other(
+    theirs: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They had the variables of its kind of discovery, and asked the stranger's service for each other."""
+    text = "services: {t: {image: x}}\nx-srprov: {discovery: ros1, discovery_servers: [t], told: {t: []}}"
+    assert importing(theirs, text) == 5
+    refused(capsys.readouterr(), "x-srprov")
+    assert importing(theirs, text, "--join", "x-srprov") == 0, capsys.readouterr()
+
+
+def test_no_network_takes_away_a_host_of_another_file(theirs: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("lab/mine.yml").write_text("services: {own: {image: x, extra_hosts: ['db=10.0.0.9']}}\n")
+    text = "services: {t: {image: x, networks: [n]}}\nnetworks: {n: {ipam: {config: [{subnet: 0.0.0.0/0}]}}}"
+    assert importing(theirs, text) == 0, capsys.readouterr()
+    assert "db=10.0.0.9" in Path("new/experiment.edf").read_text()
+
+
+@pytest.mark.parametrize("word", ["own", "services.", "networks.n", "services"])
+def test_what_is_joined_is_named_by_its_key(theirs: str, capsys: pytest.CaptureFixture[str], word: str) -> None:
+    """A service's name alone would join a secret of that name, too."""
+    assert importing(theirs, "services: {t: {image: x}}", "--join", word) != 0
+    assert f"--join {word}: is the key of nothing" in capsys.readouterr().err
