@@ -33,7 +33,8 @@ def refuse(projects: Sequence[Project]) -> None:
 def _things(project: Project) -> None:
     normal = project.notes.normal
     for path, some in normal.parts.items():
-        there = len(path) == 2 and path[1] in (normal.document.get(str(path[0])) or ())
+        # of a service that is not there, one file may have taken away all
+        there = path[0] == "services" or (len(path) == 2 and path[1] in (normal.document.get(str(path[0])) or ()))
         if there and not _joined(project, path) and (both := _two_apart(project, some)):
             words = f"the {_CALLED[str(path[0])]} '{str(path[1])[:60]}' is of {' and '.join(map(_what, both))}"
             project.notes.refused(path, f"{words}, which are apart", _hint(path))

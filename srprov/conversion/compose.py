@@ -69,7 +69,10 @@ def draft(wanted: Wanted) -> Draft:
     choices = Choices(home=wanted.home, chosen_profiles=some_profiles, own=wanted.own, joined=wanted.joined)
     made = convert(machines, instance_name(name), choices, os.path.abspath(wanted.folder), network)
     homes = (home for one in every for some in (one.homes or {}).values() for home in some)
-    return replace(made, homes=frozenset(homes))
+    claims = dict[str, frozenset[str]]()
+    for path, folders in (one for normal in every for one in normal.claims.items()):
+        claims[path] = claims.get(path, frozenset()) | folders
+    return replace(made, homes=frozenset(homes), claims=claims)
 
 
 def _machine(files: Sequence[str], robot: str, wanted: Wanted) -> Machine:

@@ -44,6 +44,8 @@ class Draft(msgspec.Struct, frozen=True):
     notes: tuple[Note, ...]
     origins: Mapping[str, tuple[Notes, Path]]
     """Service of the EDF -> where it comes from."""
+    claims: Mapping[str, frozenset[str]] = _NOTHING
+    """Each that a file calls a secret's -> real paths of the folders of which the files that say so may name others."""
     homes: frozenset[str] = frozenset()
     """Real paths of the folders of which the files may name others."""
 

@@ -22,7 +22,7 @@ from srprov.codes import Code
 from srprov.conversion.experiment import Draft
 from srprov.conversion.report import as_markdown
 from srprov.conversion.tree import Tree
-from srprov.conversion.withheld import is_withheld
+from srprov.conversion.withheld import check_claimed, is_withheld
 from srprov.definitions import check_files
 from srprov.definitions.model import VERSION_CONTROL
 from srprov.definitions.repository_names import WHY, repository_among
@@ -97,7 +97,7 @@ def _has_profiles(draft: Draft) -> bool:
 def _fill(draft: Draft, place: str, passed_over: tuple[str, ...], files: Sequence[str]) -> None:
     tree = Tree(place)
     folders = draft.homes or {os.path.dirname(os.path.realpath(one)) for one in files}
-    copying = _Copying(tree, draft.withheld, passed_over, folders)
+    copying = _Copying(tree, draft, passed_over, folders)
     for below, source in sorted(draft.copies.items()):
         try:
             copying.take(source, below)
@@ -121,12 +121,11 @@ def _fill(draft: Draft, place: str, passed_over: tuple[str, ...], files: Sequenc
 class _Copying:
     """Copies files and folders with their modes, within limits; links stay links."""
 
-    def __init__(
-        self, tree: Tree, withheld: frozenset[str], passed_over: tuple[str, ...], folders: Collection[str]
-    ) -> None:
+    def __init__(self, tree: Tree, draft: Draft, passed_over: tuple[str, ...], folders: Collection[str]) -> None:
         self.tree = tree
-        self.withheld = withheld
-        self.known = regular_file.identities(withheld)
+        self.withheld = draft.withheld
+        self.claims = draft.claims
+        self.known = regular_file.identities(draft.withheld)
         self.passed_over = passed_over
         self.folders = folders
         """Of the files that are imported, and of those that they include."""
@@ -141,6 +140,7 @@ class _Copying:
             OSError: It cannot be read, or is too much.
         """
         if is_withheld(source, self.withheld):  # a secret is in it, or in a folder that holds it
+            check_claimed(source, self.withheld, self.claims)
             return
         if os.path.isdir(source):
             if place.count("/") > _DEEPEST:
@@ -166,8 +166,9 @@ class _Copying:
             raise OSError(0, f"more than {_MOST_FILES} files would be copied")
         content, about = regular_file.read_with_status(source, _MOST_BYTES, real=True)
         known = (about.st_dev, about.st_ino)
-        if known in self.known:
-            return  # the same file as one that is never copied
+        if known in self.known:  # the same file as one that is never copied
+            check_claimed(source, self.withheld, self.claims)
+            return
         if has_further_names(about) and is_from_elsewhere(about, self._own_folder(source), self.names):
             raise OSError(errno.EXDEV, ELSEWHERE, source)  # once it is copied, nobody knows it again
         self.bytes += len(content)

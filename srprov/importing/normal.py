@@ -64,6 +64,8 @@ class Normal(msgspec.Struct, frozen=True):
     warnings: tuple[Note, ...] = ()
     secret_files: frozenset[str] = frozenset()
     """Real paths of what any of the files calls a secret's file, also one that nothing in the document uses."""
+    claims: Mapping[str, frozenset[str]] = msgspec.field(default_factory=dict)
+    """Each of them -> real paths of the folders of which the files that say so may name files."""
     named_files: tuple[Named, ...] = ()
     """What was read for its variables, or as a Compose file; not what the user himself named."""
     homes: Mapping[str, frozenset[str]] | None = None

@@ -108,7 +108,17 @@ def _result(tree: Value, loading: Loading) -> Normal:
         shown: frozenset(reading.near(shown)) for shown, real in reading.sources.items() if real & reading.homes.keys()
     }
     parts = {path: tuple(some) for path, some in loading.parts.items()}
-    return Normal(plain(tree), dict(places(tree)), tuple(used), told, frozenset(reading.secrets), named, homes, parts)
+    return Normal(
+        document=plain(tree),
+        positions=dict(places(tree)),
+        variables=tuple(used),
+        warnings=told,
+        secret_files=frozenset(reading.secrets),
+        claims={path: frozenset(some) for path, some in reading.claims.items()},
+        named_files=named,
+        homes=homes,
+        parts=parts,
+    )
 
 
 def _own_env_file(folder: str, first: File) -> list[File]:

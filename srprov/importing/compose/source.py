@@ -49,6 +49,8 @@ class Reading:
     trees: dict[tuple[str, str], Value] = field(default_factory=dict)
     secrets: set[str] = field(default_factory=set)
     """Real paths of what any of the files calls a secret's file, whether a service that is wanted has it or not."""
+    claims: dict[str, set[str]] = field(default_factory=dict)
+    """The same -> real paths of the folders of which the files that say so may name files."""
     named: list[Named] = field(default_factory=list)
     """What was read because a file names it."""
     written: dict[Position, str] = field(default_factory=dict)
@@ -63,13 +65,16 @@ class Reading:
             Refused: It does not.
         """
         real = os.path.realpath(path)
-        roots, every = (*self.roots, *filter(None, [self.project])), self.folders()
-        near = open_to(roots, self.near(named.at.file))
-        if not any(belongs(real, root) for root in near) or led_away(path, every):
+        near = self.open_to(named.at.file)
+        if not any(belongs(real, root) for root in near) or led_away(path, self.folders()):
             where = "outside of the folder of the file that says so, in .git or the like"
             message = f"'{named.data}' lies {where}, or elsewhere by another name (a hard link), and is not read"
             raise Refused([Diagnostic(named.at, message, hint=HINT, code=Code.OUTSIDE)])
         return real
+
+    def open_to(self, shown: str) -> list[str]:
+        """Return the folders of which a file may name others, all that lies in each."""
+        return open_to((*self.roots, *filter(None, [self.project])), self.near(shown))
 
     def near(self, shown: str) -> set[str]:
         """Return the folders of which a file may name others, as each that was read under a name has them."""
@@ -105,7 +110,10 @@ class Reading:
             file = entry.get("file")
             if file is not None and isinstance(file.data, str) and "\0" not in file.data:
                 named = os.path.expanduser(file.data)
-                self.secrets |= {os.path.realpath(os.path.join(folder, named)) for folder in folders}
+                found = {os.path.realpath(os.path.join(folder, named)) for folder in folders}
+                self.secrets |= found
+                for one in found:
+                    self.claims.setdefault(one, set()).update(self.open_to(file.at.file))
 
     def text(self, path: str, shown: str, named: Value | None) -> str:
         """Return a file's text; `named` is where a file names it, None for one that the user named.

@@ -37,7 +37,7 @@ def importing(theirs: str, text: str, *words: str, first: bool = False) -> int:
     """Import a stranger's file with the user's own."""
     Path(theirs, "compose.yml").write_text(f"{text}\n")
     mine, away = Path("lab/mine.yml"), os.path.relpath("lab", theirs if first else "lab")
-    mine.write_text(mine.read_text().replace(" ./", f" {away}/"))
+    mine.write_text(mine.read_text().replace(" ./", f" {away}/").replace("'./", f"'{away}/"))
     files = ["lab/mine.yml", f"{theirs}/compose.yml"]
     return run(["import", "compose", *(files[::-1] if first else files), *words, "-o", "new"])
 
@@ -110,6 +110,9 @@ def test_nothing_of_the_users_is_said_otherwise(
     ("key", "text"),
     [
         ("services.own", "services: !override {t: {image: x}, own: {image: x}}"),
+        ("services.own", "services: !override {t: {image: x}}"),
+        ("services.own", "services: {t: {image: x}, own: !reset null}"),
+        ("services.own", "services: {t: {image: x}, <<: {own: !reset null}}"),
         ("configs.c", "services: {t: {image: x}}\nconfigs: !override {c: {content: theirs}}"),
         ("volumes.data", "services: {t: {image: x}}\nvolumes: !override {data: {}, bound: {}}"),
     ],
@@ -207,6 +210,26 @@ def test_no_link_in_an_included_project_leads_out_of_it(
     Path("vendor/conf").unlink()
     Path("vendor/conf").symlink_to("real")
     assert run(["import", "compose", "mine.yml", "-o", "new"]) == 0, capsys.readouterr()
+
+
+@pytest.mark.parametrize("named", ["lab/maps/hall", "lab/maps", "lab", "/", "a second name"])
+def test_no_file_is_left_out_as_a_secrets_by_the_word_of_a_file_apart(
+    theirs: str, capsys: pytest.CaptureFixture[str], named: str
+) -> None:
+    """The user's own service began without the rules that lay there, and no report said so."""
+    if named.startswith("a "):
+        named = f"{theirs}/floor"
+        os.link("lab/maps/hall", named)
+    Path("lab/mine.yml").write_text("services: {own: {image: x, volumes: ['./maps:/m:ro']}}\n")
+    secrets = f"secrets: {{x: {{file: {os.path.abspath(named)}}}}}"
+    for first in (False, True):
+        assert importing(theirs, f"services: {{t: {{image: x}}}}\n{secrets}", first=first) != 0
+        assert "calls it a secret's" in capsys.readouterr().err and not Path("new").exists()
+    if "floor" not in named:
+        mine = "services: {own: {image: x, volumes: ['./maps:/m:ro']}}\nsecrets: {y: {file: ./maps/hall}}\n"
+        Path("lab/mine.yml").write_text(mine)
+        assert importing(theirs, "services: {t: {image: x}}") == 0
+        assert not [*Path("new").rglob("hall")]
 
 
 TAKEN = (

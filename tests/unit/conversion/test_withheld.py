@@ -34,9 +34,8 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ({"c.yml": f"{MOUNT}}}\n{SECRET}", "d.yml": "secrets: {t: {file: ./other}}\n"}, ()),
         ({"c.yml": f"{MOUNT}}}\nsecrets: {{t: !reset null}}\n", "b.yml": SECRET}, ()),
         ({"c.yml": f"{MOUNT}}}\nsecrets: {{t: {{file: '${{DIR:-./keys}}/token'}}}}\n"}, ()),
-        ({"c.yml": f"include: [more/d.yml]\n{MOUNT}}}\n", "more/d.yml": SECRET.replace("./", "../")}, ()),
     ],
-    ids=["the profile is off", "unused", "another one over it", "taken back", "variable", "included"],
+    ids=["the profile is off", "unused", "another one over it", "taken back", "variable"],
 )
 def test_a_secret_that_no_service_has_is_not_copied(here: Path, files: dict[str, str], words: tuple[str, ...]) -> None:
     for name, text in files.items():
@@ -100,11 +99,22 @@ def test_a_second_name_beside_the_users_own_compose_file_is_his_own(here: Path) 
 
 def test_a_secret_of_a_file_that_is_extended_is_not_copied(here: Path) -> None:
     Path("sub/d.yml").write_text(f"services: {{b: {{image: x}}}}\n{SECRET}")
-    Path("c.yml").write_text(
-        "services: {a: {extends: {file: sub/d.yml, service: b}, volumes: ['./sub:/sub:ro', './keys:/keys:ro']}}\n"
-    )
+    extended = "services: {a: {extends: {file: sub/d.yml, service: b}, volumes: [%s]}}\n"
+    Path("c.yml").write_text(extended % "'./sub:/sub:ro'")
     assert run(["import", "compose", "c.yml", "-o", "out"]) == 0
-    assert not any(one.read_text() == CANARY for one in Path("out").rglob("token"))
+    assert not [*Path("out").rglob("token")]
+    Path("c.yml").write_text(extended % "'./keys:/keys:ro'")
+    assert run(["import", "compose", "c.yml", "-o", "other"]) == 5 and not Path("other").exists()
+
+
+def test_a_secret_that_an_included_file_may_not_name_is_neither_copied_nor_left_out(here: Path) -> None:
+    """One in a folder apart may be a stranger's: it takes nothing away from what the user's own file mounts."""
+    Path("more").mkdir()
+    Path("more/d.yml").write_text(SECRET.replace("./", "../"))
+    Path("c.yml").write_text(f"include: [more/d.yml]\n{MOUNT}}}\n")
+    assert run(["import", "compose", "c.yml", "-o", "out"]) == 5 and not Path("out").exists()
+    assert run(["import", "compose", "c.yml", "--root", ".", "-o", "out"]) == 0
+    assert [one.name for one in Path("out").rglob("keys/*")] == ["map"]
 
 
 def test_a_folder_that_is_a_secret_is_not_copied(here: Path) -> None:
