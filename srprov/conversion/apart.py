@@ -17,7 +17,10 @@ from srprov.importing.normal import Note, Part
 from srprov.importing.position import Path
 
 _CALLED = {kind: kind[:-1] for kind in KINDS}
-_NEXT = "one may be a stranger's: look at what each says of it; if you mean that they have it together: "
+_NEXT = (
+    "one may be a stranger's: look at what each says of it; where all is your own project: --root DIR; "
+    "if you mean that they have it together: "
+)
 
 
 def refuse(projects: Sequence[Project]) -> None:

@@ -56,5 +56,5 @@ def every(worth: Mapping[str, Origin], name: str) -> list[Origin]:
 def not_for(name: str, source: str, at: Position) -> Diagnostic:
     """Return that a file asks for what stands beside another one, which is the user's, or a stranger's."""
     message = f"the variable {name} is of {source}, beside which this file does not lie, and is not put in"
-    hint = f"if it is meant: --env-file {quote(source)}, or --set {name}=VALUE"
+    hint = f"if it is meant: --env-file {quote(source)}, or --set {name}=VALUE; where all is your own: --root DIR"
     return Diagnostic(at, message, hint=hint, code=Code.COMPOSE_VARIABLE)
