@@ -30,7 +30,8 @@ _STRANGE = re.compile("[\x00-\x08\x0a-\x1f\x7f-\x9f\u2028\u2029]")
 _OTHER_BLANK = re.compile(r"[^\S \t\r]")
 _ESCAPE = re.compile(r"#\s*escape\s*=\s*[^\\\s]", re.IGNORECASE)
 _FRONTEND = re.compile(r"(?i)(#|//)\s*syntax\s*=(?!\s*(docker\.io/)?docker/dockerfile(-upstream)?([:@][\w.:@-]+)?\Z)")
-_OPTIONS = re.compile(r"(?:--\S*(?:\s+|\Z))*")
+OPTIONS = re.compile(r"(?:--\S*(?:\s+|\Z))*")
+"""What stands before the words of an instruction."""
 _QUOTE = re.compile(r"[\"'\\]")
 _CONTINUED = re.compile(r"(?<!\\)\\\Z")
 _JOINTS = (_CONTINUED, re.compile(r"\\\Z"), re.compile(r"(?<!`)`\Z"), re.compile(r"`\Z"))
@@ -240,7 +241,7 @@ def _unclear_words(instruction: str, rest: str) -> str:
     """Return why the words of a FROM, COPY or ADD, or a RUN's options, may not be what they look like, or nothing."""
     if instruction != "RUN" and _OTHER_BLANK.search(rest):
         return "it holds a blank that is neither a space nor a tab"
-    options = _OPTIONS.match(rest)
+    options = OPTIONS.match(rest)
     words = rest[options.end() :] if options else rest
     if options and (_QUOTE.search(options[0]) or "--" in options[0].split()):
         return "an option holds a quote or an escape, or nothing"

@@ -10,11 +10,14 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from srprov.definitions.dockerfile import instructions
+from srprov.definitions.dockerfile import OPTIONS, instructions
 from srprov.images import quoting
 
 _WORD = re.compile(r"(?:[^\s\"'\\]|\"[^\"\\]*\"|'[^']*')+")
 _CONTINUED = re.compile(r"(?<!\\)\\[ \t\r]*\Z")
+_FIRST = re.compile(r"(\S+)(\s*)")
+_FROM_OPTION = re.compile(r"((?:(?<!\S)--from=|(?<!\S)--mount=(?:\S*,)?(?i:from)=))([^\s,]+)")
+"""What an option takes files of: of a mount the last `from` counts."""
 
 
 def with_args(text: str, args: Mapping[str, str]) -> str:
@@ -46,25 +49,37 @@ def with_args(text: str, args: Mapping[str, str]) -> str:
 def with_digests(text: str, pins: Mapping[str, str]) -> str:
     """Return a Dockerfile that names images by their digests; stages that are called like an image are left alone.
 
+    An instruction that names one stands on one line then, where no comment within it can be taken for the name.
+
     Args:
         text: The Dockerfile.
         pins: Name as it stands there -> name by digest.
     """
-    lines, stages = text.split("\n"), set[str]()
+    lines, stages, own = text.split("\n"), set[str](), ""
     for start, word, rest in instructions(text) if pins else ():
-        if word not in ("FROM", "COPY", "ADD"):
-            continue
-        end, image = _end(lines, start), next((one for one in rest.split() if not one.startswith("--")), "")
-        for name, digest in pins.items():
-            before = r"(?<!\S)" if word == "FROM" else "(?<=--from=)"
-            found = re.compile(rf"{before}{re.escape(name)}(?!\S)")
-            named = image == name if word == "FROM" else f"--from={name}" in rest.split()
-            at = next((number for number in range(start - 1, end) if found.search(lines[number])), None)
-            if named and name.lower() not in stages and at is not None:
-                lines[at] = found.sub(digest, lines[at], count=1)
-        if word == "FROM" and len(words := rest.split()) > 2 and words[-2].lower() == "as":
-            stages.add(words[-1].lower())
+        if word == "FROM":
+            stages.add(own)  # within a stage its own name is still that of an image
+        new = _named(word, rest, {name: digest for name, digest in pins.items() if name.lower() not in stages})
+        if new != rest:
+            end = _end(lines, start)
+            lines[start - 1 : end] = [f"{word} {new}", *[""] * (end - start)]
+        if word == "FROM":
+            words = rest.split()
+            own = words[-1].lower() if len(words) > 2 and words[-2].lower() == "as" else ""
     return "\n".join(lines)
+
+
+def _named(word: str, rest: str, pins: Mapping[str, str]) -> str:
+    """Return what stands behind an instruction's word, with digests of the images that it takes something of."""
+    if word == "ONBUILD" and (match := _FIRST.match(rest)):
+        return match[0] + _named(match[0].strip().upper(), rest[match.end() :], pins)
+    options = OPTIONS.match(rest)
+    at = options.end() if options else 0
+    if word == "FROM":
+        return rest[:at] + _FIRST.sub(lambda one: pins.get(one[1], one[1]) + one[2], rest[at:], count=1)
+    if word not in ("COPY", "ADD", "RUN"):
+        return rest
+    return _FROM_OPTION.sub(lambda one: one[1] + pins.get(one[2], one[2]), rest[:at]) + rest[at:]
 
 
 def _end(lines: list[str], start: int) -> int:

@@ -111,7 +111,7 @@ def test_a_stage_that_is_called_like_an_image_is_no_image() -> None:
     )
     pins = {"busybox": "busybox@1", "debian": "debian@2"}
     assert with_digests(text, pins) == (
-        "FROM busybox@1 AS base\nCOPY --from=debian@2 /busybox /\nFROM \\\n  debian@2 AS busybox\nFROM busybox\n"
+        "FROM busybox@1 AS base\nCOPY --from=debian@2 /busybox /\nFROM debian@2 AS busybox\n\nFROM busybox\n"
         "COPY --from=busybox a b\nCOPY --chown=debian --from=debian@2 debian b\n"
     )
 

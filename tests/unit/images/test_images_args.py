@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.dockerfile import until_stage
 from srprov.errors import DefinitionError
-from srprov.images.args import with_args
+from srprov.images.args import with_args, with_digests
 from srprov.images.tag import plan_image
 
 TEXT = """\
@@ -80,3 +80,25 @@ def test_the_marks_stand_at_the_end_of_the_stage_that_is_built() -> None:
     with pytest.raises(DefinitionError) as refused:
         plan_image(replace(cdf, target="x"), disk.listing, disk.read)
     assert refused.value.problems[0].path == "dockerfile"
+
+
+@pytest.mark.parametrize(
+    ("text", "pinned"),
+    [
+        ("FROM \\\n# debian is small\n  debian\nUSER a\n", "FROM debian@1\n\n\nUSER a\n"),
+        ("FROM debian\\\n AS a\nUSER a\n", "FROM debian@1 AS a\n\nUSER a\n"),
+        ("FROM deb\\\nian\nUSER a\n", "FROM debian@1\n\nUSER a\n"),
+        ("FROM a\nCOPY \\\n # --from=debian\n --from=debian b c\n", "FROM a\nCOPY --from=debian@1 b c\n\n\n"),
+        ("FROM a\nONBUILD COPY --from=debian b c\n", "FROM a\nONBUILD COPY --from=debian@1 b c\n"),
+        (
+            "FROM a\nRUN --mount=type=cache,target=/c --mount=from=debian,target=/d ls --from=debian\n",
+            "FROM a\nRUN --mount=type=cache,target=/c --mount=from=debian@1,target=/d ls --from=debian\n",
+        ),
+        ("FROM a AS debian\nCOPY --from=debian b c\n", "FROM a AS debian\nCOPY --from=debian@1 b c\n"),
+        ("FROM a AS debian\nFROM a\nCOPY --from=debian b c\n", "FROM a AS debian\nFROM a\nCOPY --from=debian b c\n"),
+        ("FROM debian-slim\nRUN echo \\\n  debian\n", "FROM debian-slim\nRUN echo \\\n  debian\n"),
+    ],
+)
+def test_a_name_that_a_lock_has_is_a_digest_wherever_it_stands(text: str, pinned: str) -> None:
+    """A comment within an instruction took the digest, and the name that counts stayed a tag."""
+    assert with_digests(text, {"debian": "debian@1"}) == pinned
