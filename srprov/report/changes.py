@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 import msgspec
 
-from srprov.report.html import NOTHING, Child, Html, el, join, lines
+from srprov.report.html import NOTHING, Child, Html, el, join, lines, whole
 from srprov.report.material import Material
 from srprov.report.model import Different, PlannedStep, RobotEnd, StepEnd
 from srprov.report.parts import Section, action, fold, outcome, table
@@ -31,6 +31,7 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     what: str
     action: str = ""
     cause: str = ""
+    makes: str = ""
     destructive: bool = False
     after: str = ""
     differences: tuple[Different, ...] = ()
@@ -58,9 +59,8 @@ def _row(at: int, step: PlannedStep | None, end: StepEnd | None) -> Row:
     after = [f"#{one}" for one in step.needs] + [f"{one.id} {one.condition}" for one in step.waits]
     return Row(
         number=at, robot=step.robot, what=f"{step.module}:{step.name}", action=step.action,
-        cause="; ".join(filter(None, (step.cause, step.makes))),
-        destructive=step.destructive, after=", ".join(after), differences=step.differences, outcome=outcome_,
-        message=message,
+        cause=step.cause, makes=step.makes, destructive=step.destructive, after=", ".join(after),
+        differences=step.differences, outcome=outcome_, message=message,
     )  # fmt: skip
 
 
@@ -150,7 +150,9 @@ def _steps(robot: str, rows: list[Row], tasks: Mapping[int, Task]) -> Html:
     head = ["#", "action", "what", "why", "after", *(("outcome", "began at", "acted") if done else ())]
     body: list[list[Child]] = []
     for one in rows:
-        why: Child = [one.cause, el("span", " data is lost", class_="mark bad")] if one.destructive else one.cause
+        why: list[Child] = [one.cause, "; " if one.cause and one.makes else "", whole(one.makes)]
+        if one.destructive:
+            why.append(el("span", " data is lost", class_="mark bad"))
         cells: list[Child] = [
             one.number,
             action(one.action) if one.action else "",

@@ -33,6 +33,7 @@ _ATTRIBUTES = frozenset(
 _SAFE_ADDRESS = ("#", "data:,", "data:application/json;base64,", "data:application/gzip;base64,")
 LONGEST = 400
 """Characters of one text in a page, unless a caller wants more."""
+_WHOLE = 100_000
 
 
 class Html(msgspec.Struct, frozen=True):
@@ -54,6 +55,11 @@ def cut(words: str, most: int = LONGEST) -> str:
 def text(words: str, most: int = LONGEST) -> Html:
     """Return any text as one line of the page: what would end a line or turn the writing around, by its number."""
     return Html(html.escape(visible(cut(words, most)), quote=True))
+
+
+def whole(words: str) -> Html:
+    """Return what a reviewer must know as one line: what is grave may stand behind a long name or list."""
+    return text(words, _WHOLE)
 
 
 def lines(words: str, most: int = LONGEST) -> Html:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sized
 
-from srprov.report.html import NOTHING, Child, Html, el, join
+from srprov.report.html import NOTHING, Child, Html, el, join, whole
 from srprov.report.material import Material
 from srprov.report.model import DecisionView, PlanView, Terms
 from srprov.report.parts import Section, captioned, fold, listed, scrolled, table
@@ -48,7 +48,7 @@ def _sentence(made: DecisionView | None, material: Material) -> Html:
     ]
     if made.frozen:
         words.append(f"{ranges(made.frozen)} stay on robots that cannot be reached.")
-    notes = listed(made.notes[:_MOST_ROWS]) if made.notes else NOTHING
+    notes = listed(map(whole, made.notes[:_MOST_ROWS])) if made.notes else NOTHING
     return join([el("p", " ".join(words)), notes, _more(made.notes)])
 
 
@@ -154,5 +154,5 @@ def _asks(plan: PlanView) -> Iterator[Html]:
         yield el("p", f"Steps of other robots than {ranges(plan.limit, 50)} were left out (--limit).")
     if plan.notes:
         yield el("h3", "Notes")
-        yield listed(plan.notes[:_MOST_ROWS])
+        yield listed(map(whole, plan.notes[:_MOST_ROWS]))
         yield _more(plan.notes)

@@ -218,6 +218,17 @@ def test_what_a_page_of_a_plan_leaves_out_is_counted(tmp_path: Path) -> None:
     assert "data of 6 more, in the data of this page" in text
 
 
+def test_what_is_grave_behind_a_long_name_is_in_a_page_of_a_plan(tmp_path: Path) -> None:
+    """Notes, and what a new container publishes and mounts, end as late as whoever wrote the EDF likes."""
+    plan = a_run(2)["plan.json"]
+    long = "/dev/./" * 5_000
+    plan["notes"] = [f"robot1: the device {long}sensor leads to /dev/bcache0 (a disk)"]
+    plan["steps"][0] |= {"cause": f"not there {long}", "makes": f"mounts {long}, publishes 127.0.0.1:5000"}
+    (tmp_path / "plan.json").write_text(json.dumps(plan))
+    text = page_of(tmp_path / "plan.json", tmp_path / "page.html").text
+    assert "leads to /dev/bcache0 (a disk)" in text and "publishes 127.0.0.1:5000" in text
+
+
 def test_a_bundle_has_its_trials_and_what_each_robot_would_have_cost(tmp_path: Path) -> None:
     page = page_of(RACE, tmp_path / "page.html")
     loads_nothing(page)
