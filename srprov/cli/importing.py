@@ -166,7 +166,7 @@ def _finished(draft: Draft, files: Sequence[str], target: str, form: str, *, str
     elif form == "text":
         out(report.as_text(draft))
     else:
-        out(report.as_sarif(report.told(draft)) if form == "sarif" else report.as_markdown(draft, files))
+        out(report.as_sarif(report.told(draft), draft.notes) if form == "sarif" else report.as_markdown(draft, files))
     if refused:
         what = f"{len(draft.refused)} refused" if draft.refused else f"{len(dropped)} dropped, and --strict"
         err(f"error[{Code.NOT_TRANSLATED}]: nothing was written: {what}")

@@ -15,6 +15,7 @@ from srprov.conversion.experiment import Draft
 from srprov.conversion.kept import Kept
 from srprov.conversion.notes import Finding
 from srprov.errors import Diagnostic, visible
+from srprov.importing.normal import Note
 
 _ORDER = (Kept.REFUSED, Kept.DROPPED, Kept.ADAPTED)
 _HEADS = {
@@ -22,6 +23,7 @@ _HEADS = {
     Kept.DROPPED: "Dropped: nothing in an experiment does it",
     Kept.ADAPTED: "Adapted: kept by other means",
 }
+_NOTE = "noted"
 _LEVELS = {Kept.REFUSED: "error", Kept.DROPPED: "warning", Kept.ADAPTED: "note"}
 
 
@@ -73,7 +75,7 @@ def as_markdown(draft: Draft, files: Sequence[str]) -> str:
             lines.append("")
     if draft.notes:
         lines += ["## Notes", ""]
-        lines += [f"- {_cell(f'{_short(note.at.file)}:{note.at.line}: {note.message}')}" for note in draft.notes]
+        lines += [f"- {_cell(f'{_short(note.at.file)}:{note.at.line}: {_words(note)}')}" for note in draft.notes]
         lines.append("")
     return "\n".join([*lines, *_variables(draft)])
 
@@ -88,7 +90,7 @@ def _variables(draft: Draft) -> Iterator[str]:
         yield ""
 
 
-def _words(one: Finding) -> str:
+def _words(one: Finding | Note) -> str:
     return one.message + (f" ({one.hint})" if one.hint else "")
 
 
@@ -152,22 +154,21 @@ def _row(one: Finding) -> dict[str, Any]:
     return {**_at(one), **told}
 
 
-def as_sarif(found: Sequence[Finding]) -> str:
-    """Return a SARIF 2.1.0 log with each key that is not kept as it is."""
-    rules = [{"id": kept.value, "shortDescription": {"text": _HEADS[kept]}} for kept in _ORDER]
+def as_sarif(found: Sequence[Finding], notes: Sequence[Note] = ()) -> str:
+    """Return a SARIF 2.1.0 log with each key that is not kept as it is, and what else is to be known of the files."""
+    heads = {**{kept.value: _HEADS[kept] for kept in _ORDER}, _NOTE: "Noted: to be known before it runs"}
+    rules = [{"id": one, "shortDescription": {"text": head}} for one, head in heads.items()]
     run = {
         "tool": {"driver": {"name": "srprov import", "version": __version__, "rules": rules}},
         "columnKind": "unicodeCodePoints",
-        "results": [_result(one) for one in found],
+        "results": [*map(_result, found), *map(_noted, notes)],
     }
     log = {"$schema": "https://json.schemastore.org/sarif-2.1.0.json", "version": "2.1.0", "runs": [run]}
     return json.dumps(log, indent=2)
 
 
 def _result(one: Finding) -> dict[str, Any]:
-    region = {"startLine": one.at.line, "startColumn": one.at.column}
-    uri = quote(os.fsencode(one.at.file))
-    place: dict[str, Any] = {"physicalLocation": {"artifactLocation": {"uri": uri}, "region": region}}
+    place = _location(one)
     if one.key:
         place["logicalLocations"] = [{"fullyQualifiedName": one.key}]
     return {
@@ -176,3 +177,13 @@ def _result(one: Finding) -> dict[str, Any]:
         "message": {"text": _words(one)},
         "locations": [place],
     }
+
+
+def _noted(one: Note) -> dict[str, Any]:
+    return {"ruleId": _NOTE, "level": "note", "message": {"text": _words(one)}, "locations": [_location(one)]}
+
+
+def _location(one: Finding | Note) -> dict[str, Any]:
+    region = {"startLine": one.at.line, "startColumn": one.at.column}
+    uri = quote(os.fsencode(one.at.file))
+    return {"physicalLocation": {"artifactLocation": {"uri": uri}, "region": region}}

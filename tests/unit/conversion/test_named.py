@@ -299,6 +299,18 @@ def test_a_service_and_a_volume_of_several_files_are_told(together: Path, capsys
     assert "has parts" not in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("form", ["text", "markdown", "json", "sarif"])
+def test_a_note_and_what_to_look_at_is_in_every_form(
+    together: Path, capsys: pytest.CaptureFixture[str], form: str
+) -> None:
+    (together / "compose.yml").write_text("services: {own: {entrypoint: [sh, -c, ls]}}\n")
+    Path("lab/mine.yml").write_text("services: {own: {image: x}}\n")
+    files = ["lab/mine.yml", "stranger/compose.yml", "--join", "services.own"]
+    assert run(["import", "compose", *files, "-o", "new", "--format", form]) == 0
+    for told in (capsys.readouterr().out, Path("new/import-report.md").read_text()):
+        assert "the service 'own' has parts" in told and "where one of them is a stranger's, look at what" in told
+
+
 ASKING = ("{A: '${A}'}", "{A: '${A:-none}'}", "{A: '${A:+some}'}", "[A]", "{A: }")
 
 
