@@ -64,6 +64,9 @@ def test_a_subnet_that_one_robot_says_is_told_where_it_is_new() -> None:
     assert "the instance has that on r1" in note
     assert noted(replace(lying, observed={"r1": (SAID,), "r2": (SAID,)})) == (), "it is new nowhere"
     assert noted(lying, NetworkSettings(subnet="10.200.0.0/20")) == (), "the EDF says so"
+    other = network("hello", subnet="10.201.0.0/20", vni=1234567, port=4789, mtu=1450)
+    overlay = layout(WHAT, PLACED, lying, instance="hello")
+    assert overlay_notes(overlay, replace(lying, observed={"r1": (SAID,), "r2": (other,)}), WHAT) == (note,)
 
 
 def test_a_subnet_that_gives_way_to_what_a_robot_says_is_told() -> None:

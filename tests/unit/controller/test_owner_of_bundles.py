@@ -140,9 +140,12 @@ def test_a_source_in_a_repository_is_found_again_with_its_bundle(tmp_path: Path)
     note_bundle("tour", edf, "b")
     mine = read_owner("tour", edf)
     source = with_bundle("https://lab.example/tour#tour.edf", mine)
+    assert (mine.bundle, mine.source) == ("b", source)
     keep(replace(mine, source=source, places={"x": "r1"}))
     now = read_owner("tour", edf)
     assert (now.token, now.places) == (mine.token, {"x": "r1"})
     assert owners_of("tour", source) == (now,), "a plan file of it is known"
     note_bundle("tour", edf, "c")
-    assert read_owner("tour", edf).token != mine.token
+    other = read_owner("tour", edf)
+    assert other.token != mine.token
+    assert owners_of("tour", source.replace("bundle b", "bundle c")) == (other,), "before anything is made of it"
