@@ -45,8 +45,9 @@ def graver_devices(services: Iterable[Service], said: str) -> Iterator[str]:
             continue  # it is not there, or that was said
         note = (of_device(plain(real)) if real.startswith("/dev/") else _ANY) if real != path else ""
         if note or f"b{number}" in led:
-            where = f"leads to {real}" if real != path else "is there"
-            yield f"the device {path}, which {' and '.join(names)} has, {where} ({note or A_DISK})"
+            disk = f"is, or holds, {A_DISK}"
+            what = disk if real == path else f"leads to {real} ({note or f'it {disk}'})"
+            yield f"the device {path}, which {' and '.join(names)} has, {what}"
 
 
 def _users(services: Iterable[Service]) -> dict[str, list[str]]:

@@ -52,8 +52,8 @@ def test_a_disk_is_said_to_be_one_whatever_it_is_called() -> None:
     disk = f"a disk: {ROOT}, if it is the robot's own"
     said = "0 /dev/bcache0\nb0 /dev/bcache0\n1 /dev/drbd1\nb1 /dev/drbd1\n2 /dev/sda\nb2 /dev/sda\n3 /dev/ttyUSB0\n"
     assert list(graver_devices([having("/dev/bcache0", "/dev/data", "/dev/sda", "/dev/usb")], said)) == [
-        f"the device /dev/bcache0, which 'a' has, is there ({disk})",
-        f"the device /dev/data, which 'a' has, leads to /dev/drbd1 ({disk})",
+        f"the device /dev/bcache0, which 'a' has, is, or holds, {disk}",
+        f"the device /dev/data, which 'a' has, leads to /dev/drbd1 (it is, or holds, {disk})",
     ]
 
 
