@@ -52,14 +52,22 @@ def cut(words: str, most: int = LONGEST) -> str:
     return words if len(words) <= most else f"{words[:most]}… ({len(words) - most} more characters)"
 
 
+def both_ends(words: str, most: int) -> str:
+    """Return a text of at most `most` characters; of a longer one, how much is missing between its ends."""
+    half = most // 2
+    return (
+        words if len(words) <= most else f"{words[:half]}… ({len(words) - 2 * half} more characters) …{words[-half:]}"
+    )
+
+
 def text(words: str, most: int = LONGEST) -> Html:
     """Return any text as one line of the page: what would end a line or turn the writing around, by its number."""
     return Html(html.escape(visible(cut(words, most)), quote=True))
 
 
 def whole(words: str) -> Html:
-    """Return what a reviewer must know as one line: what is grave may stand behind a long name or list."""
-    return text(words, _WHOLE)
+    """Return what a reviewer must know as one line: what is grave may stand behind a long name, or list."""
+    return text(both_ends(words, _WHOLE), 2 * _WHOLE)
 
 
 def lines(words: str, most: int = LONGEST) -> Html:

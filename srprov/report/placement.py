@@ -141,7 +141,7 @@ def asks(material: Material) -> Section | None:
 
 def _asks(plan: PlanView) -> Iterator[Html]:
     if plan.permissions:
-        rows = [[one.kind, one.service, one.what] for one in plan.permissions]
+        rows: list[list[Child]] = [[one.kind, one.service, whole(one.what)] for one in plan.permissions]
         yield table("Asked for beyond its own containers", ["kind", "service", "what"], rows[:_MOST_ROWS], kind="long")
         yield _more(rows)
     if plan.playbooks:

@@ -229,6 +229,20 @@ def test_what_is_grave_behind_a_long_name_is_in_a_page_of_a_plan(tmp_path: Path)
     assert "leads to /dev/bcache0 (a disk)" in text and "publishes 127.0.0.1:5000" in text
 
 
+@pytest.mark.parametrize("long", [395, 4096, 200_000])
+def test_no_path_is_so_long_that_a_page_hides_what_is_grave_about_it(tmp_path: Path, long: int) -> None:
+    """A container that may write to data makes such a folder there, with a link to `/etc` in it, for its next plan."""
+    plan = a_run(2)["plan.json"]
+    path = f"/srv/{'d' * long}"
+    note = f"robot1: {path}, which 'a' mounts, leads to /etc (root may believe it)"
+    plan["permissions"] = [{"kind": "host-path", "service": "a", "what": f"{path} (root may run it)"}]
+    plan["notes"] = [note]
+    (tmp_path / "plan.json").write_text(json.dumps(plan))
+    text = page_of(tmp_path / "plan.json", tmp_path / "page.html").text
+    assert "(root may run it)" in text and "leads to /etc (root may believe it)" in text
+    assert (note in text) == (long < 9000) and ("more characters" in text) == (long > 9000)
+
+
 def test_a_bundle_has_its_trials_and_what_each_robot_would_have_cost(tmp_path: Path) -> None:
     page = page_of(RACE, tmp_path / "page.html")
     loads_nothing(page)
