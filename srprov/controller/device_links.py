@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 
 from srprov.definitions.model import Service
 from srprov.modules.mount_kind import plain
-from srprov.planning.graver import A_DISK, of_device
+from srprov.planning.graver import A_DISK, HARMLESS, of_device
 from srprov.untrusted import folder, lines_of
 from srprov.wire import Query, quote
 
@@ -41,12 +41,14 @@ def graver_devices(services: Iterable[Service], said: str) -> Iterator[str]:
     led = led_to(said)
     for number, (path, names) in enumerate(users.items()):
         real = led.get(str(number), "")
-        if not real or of_device(plain(path)):
+        told = of_device(plain(path))
+        if not real or told == A_DISK:
             continue  # it is not there, or that was said
         note = (of_device(plain(real)) if real.startswith("/dev/") else _ANY) if real != path else ""
-        if note or f"b{number}" in led:
-            disk = f"is, or holds, {A_DISK}"
-            what = disk if real == path else f"leads to {real} ({note or f'it {disk}'})"
+        disk = f"is, or holds, {A_DISK}"
+        note = f"it {disk}" if f"b{number}" in led else note or (HARMLESS if told and real != path else "")
+        if note:
+            what = disk if real == path else f"leads to {real} ({note})"
             yield f"the device {path}, which {' and '.join(names)} has, {what}"
 
 

@@ -1,6 +1,9 @@
 """What a permission gives away beyond its name: which values of it make a container as good as root on a robot. Pure.
 
-Source: capabilities(7), ptrace(2) ("Ptrace access mode checking"), the kernel's list of devices.
+Of each kind what is known to be harmless is a closed list, as no list of the rest would ever be whole: all else may be.
+
+Source: capabilities(7), ptrace(2) ("Ptrace access mode checking"), the kernel's list of devices; runc, `sysctl` of its
+validator.
 """
 
 from __future__ import annotations
@@ -13,9 +16,12 @@ LISTENERS = "root's programs may do what they are told there: on the loopback, o
 """An engine that listens on 127.0.0.1, a debugger, an X server: they ask nobody who is on the robot itself."""
 TOLD = "root's programs may do what they are told on the robot's loopback, and by sockets in any folder"
 """An engine that sends as root to an address of a stranger's is told by what answers there where to send it next."""
+ELSEWHERE = "root's programs that ask there may do what they are told by who answers, in the overlay"
+"""Such as a registry, or the metadata of a cloud."""
 SHARED = "root may believe what is written to its shared memory, or do what a socket in it is told"
 """`/dev/shm` is a folder, too; ssh keeps connections to other hosts there where it is told so."""
-_AS_ROOT = "as good as root on the robot"
+AS_ROOT = "as good as root on the robot"
+MAY_BE = f"may be {AS_ROOT}"
 _CAPABILITIES = frozenset({"ALL", "SYS_ADMIN", "SYS_MODULE", "SYS_RAWIO", "SYS_BOOT", "DAC_READ_SEARCH"})
 _ORDINARY = frozenset(
     {
@@ -33,18 +39,35 @@ _DISK = re.compile(
     r"/dev/((sd|hd|vd|xvd)[a-z]+[0-9]*\Z|(nvme|mmcblk|dm-|md|mtd|mtdblock|ubi|ubiblock|loop|nbd|zram|sg)[0-9]"
     r"|(mapper|disk|block|bsg|md)(/|\Z)|root\Z)"
 )
-A_DISK = f"a disk: {_AS_ROOT}, if it is the robot's own"
-_KEYS = re.compile(
-    r"/dev/(mem|kmem|port|uinput|uhid|hidraw[0-9]+|usbmon[0-9]+|console|tty[0-9]+|ng[0-9].*)\Z"
-    r"|/dev/(vfio|bus)(/|\Z)|/dev/input(\Z|/(event|by-))"
+A_DISK = f"a disk: {AS_ROOT}, if it is the robot's own"
+_HARMLESS = re.compile(
+    r"/dev/((video|media|v4l-subdev|radio|ttyUSB|ttyACM|ttyTHS|i2c-|gpiochip|gpiomem|fb|rfcomm|pps|ptp|lirc|apex_"
+    r"|hailo|iio:device|watchdog|nvidia|spidev[0-9]+\.|input/js|input/mouse)[0-9]+"
+    r"|gpiomem|nvidiactl|nvidia-(uvm|uvm-tools|modeset)|nvmap|nvhost-[a-z0-9-]+|kfd|kvm|fuse|net|net/tun"
+    r"|null|zero|full|u?random|rfkill|input/mice|(snd|dri|dma_heap)(/.+)?|(serial|v4l)/by-(id|path)/[^/]+)"
 )
-"""Memory, keys that are typed at the robot, also as its USB sends them, cards that write to its memory, and raw USB."""
+"""Parts that robots have, by the names that the kernel and udev give them; what is not named so may be anything.
+
+It may be memory, or a card that writes to it; keys, consoles, terminals; raw USB. So may be a serial line that is none
+of an adapter's: a robot's console is one.
+"""
+HARMLESS = "a part that robots have, which is known to be harmless"
 _BY_NUMBER = re.compile(r"[ab] |c (\*|0*(1|10|21|90)):")
 """Rules for them, which a container can make a device of by itself; 21 and 90 are disks as characters."""
-_PARTS = frozenset({"29", "81", "89", "116", "153", "166", "180", "188", "195", "204", "226"})
-"""Characters that are screens, cameras, I2C, sound, SPI, serial lines and graphics; source: the kernel's devices.txt.
+_PARTS = frozenset({"29", "81", "89", "116", "153", "166", "180", "188", "195", "226"})
+"""Characters that are screens, cameras, I2C, sound, SPI, serial adapters, graphics; source: the kernel's devices.txt.
 
-A closed list: 4 are consoles, 13 keyboards, 189 raw USB with its disks, and from 234 on any kernel has its own.
+A closed list: 4 and 204 are consoles, 13 keyboards, 189 raw USB with its disks, and from 234 on any kernel has its own.
+"""
+
+_OF_NAMESPACES = re.compile(
+    r"net(\.[A-Za-z0-9_-]+)+|fs\.mqueue\.[a-z_]+|kernel\.(msgmax|msgmnb|msgmni|sem|shmall|shmmax|shmmni|shm_rmid_forced)"
+)
+"""Parameters that each container has for itself; `kernel.core_pattern` is a program that runs as root."""
+_RUNTIMES = frozenset({"runc", "io.containerd.runc.v2", "crun", "runsc"})
+"""Those that do what the engine's own does, or keep a container further apart, by the names that they give themselves.
+
+`nvidia` is none of them: variables of the image tell it, as root, what of the robot to give.
 """
 
 
@@ -56,17 +79,30 @@ def noted(what: str, note: str) -> str:
 def of_capability(name: str) -> str:
     """Return why a capability is more than it looks, or nothing."""
     plain = name.removeprefix("CAP_")
-    return _AS_ROOT if plain in _CAPABILITIES else "" if plain in _ORDINARY else f"may be {_AS_ROOT}"
+    return AS_ROOT if plain in _CAPABILITIES else "" if plain in _ORDINARY else MAY_BE
 
 
 def of_device(path: str) -> str:
     """Return why a device, by its path in one spelling, is more than it looks, or nothing."""
-    return A_DISK if _DISK.match(path) else f"may be {_AS_ROOT}" if _KEYS.match(path) else ""
+    return A_DISK if _DISK.match(path) else "" if _HARMLESS.fullmatch(path) else MAY_BE
 
 
 def of_rule(rule: str) -> str:
     """Return why a rule of a device cgroup is more than it looks, or nothing."""
     if _BY_NUMBER.match(rule):
-        return f"disks, memory or keys: {_AS_ROOT}"
+        return f"disks, memory or keys: {AS_ROOT}"
     major = rule.partition(" ")[2].partition(":")[0]
-    return "" if major.lstrip("0") in _PARTS else f"may be {_AS_ROOT}"
+    return "" if major.lstrip("0") in _PARTS else MAY_BE
+
+
+def of_sysctl(name: str, *, shared: bool) -> str:
+    """Return why a kernel parameter is more than it looks, or nothing; `shared`: the container has robot's namespaces.
+
+    An engine refuses all that is not of the container's own namespaces; another runtime than its own need not.
+    """
+    return MAY_BE if shared or not _OF_NAMESPACES.fullmatch(name) else ""
+
+
+def of_runtime(name: str) -> str:
+    """Return why what starts a container is more than it looks, or nothing."""
+    return "" if name in _RUNTIMES else f"{MAY_BE}: what that gives a container is its own business"

@@ -6,8 +6,10 @@ import re
 from collections.abc import Iterator
 
 from srprov.definitions.containermodel import Logging
-from srprov.planning.graver import TOLD, noted
+from srprov.planning.graver import MAY_BE, TOLD, noted
 
+JOURNAL = "root's programs may go by what stands there"
+"""Those that look for lines of an sshd, say, and act on them."""
 _LOGS = ("", "json-file", "local", "none")
 """Log drivers that write what only the engine reads; the empty one is what the robot's owner chose."""
 _BOUNDS = ("max-size", "max-file", "compress", "mode")
@@ -28,6 +30,8 @@ _LOG_OPTIONS = {
 
 The engine itself computes a template of `tag`, and moves every kept file when one is full: outside of any limit.
 """
+_COSTS = frozenset({*_LOG_OPTIONS, "labels-regex", "env-regex", "max-buffer-size", "cache-disabled"})
+"""What else costs the engine at most its time and the disk: options that it does not know yet may do anything."""
 
 
 def of_logging(log: Logging | None) -> Iterator[str]:
@@ -36,8 +40,13 @@ def of_logging(log: Logging | None) -> Iterator[str]:
     if log and not plain:
         journal = log.driver == "journald"
         place = "into the robot's own journal" if journal else "wherever it is told"
-        yield noted(f"driver {log.driver}: the engine sends what is printed {place}", "" if journal else TOLD)
+        yield noted(f"driver {log.driver}: the engine sends what is printed {place}", JOURNAL if journal else TOLD)
     for name, value in sorted(log.options.items()) if log else ():
         form = _LOG_OPTIONS.get(name) if plain and log and (log.driver or name in _BOUNDS) else None
         if form is None or not form.fullmatch(value):
-            yield noted(f"option {name}={value}", "" if log and log.driver else ANY_DRIVER)
+            yield noted(f"option {name}={value}", _of_option(name, log) if plain and log else "")
+
+
+def _of_option(name: str, log: Logging) -> str:
+    """Return why an option of a driver that sends nothing is more than it looks; what a driver sends, that one says."""
+    return ANY_DRIVER if not log.driver else "" if name in _COSTS else MAY_BE

@@ -6,8 +6,7 @@ An EDF may come from a stranger. Everything that reaches the robot itself is a `
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from types import MappingProxyType
 
 import msgspec
@@ -17,9 +16,21 @@ from srprov.definitions.containermodel import ContainerDefinition, Port, Runtime
 from srprov.definitions.model import Experiment, NetworkSettings, Service
 from srprov.errors import RefusedError
 from srprov.image_reference import parse_reference
-from srprov.modules.mount_kind import GRAVE, below, mount_kind, plain, written_by
+from srprov.modules.mount_kind import GRAVE, below, mount_kind, written_by
 from srprov.network.identity import is_for_overlays
-from srprov.planning.graver import EVERY_PROCESS, LISTENERS, SHARED, TOLD, noted, of_capability, of_device, of_rule
+from srprov.planning.graver import (
+    AS_ROOT,
+    ELSEWHERE,
+    EVERY_PROCESS,
+    LISTENERS,
+    SHARED,
+    TOLD,
+    noted,
+    of_capability,
+    of_runtime,
+    of_sysctl,
+)
+from srprov.planning.hardware import OTHERS, Places, of_hardware
 from srprov.planning.image_origin import not_from_a_registry
 from srprov.planning.log_options import of_logging
 from srprov.planning.security_options import of_security
@@ -54,11 +65,6 @@ ASKED_FIRST = ("git", "outside", "env", "secret", "secret-command", "playbook")
 _REALTIME = ("memlock", "nice", "rtprio", "rttime")
 """Limits that take memory or the processor away from everything else on the robot."""
 _FIRST_FREE_PORT = 1024
-_Places = Callable[[str], bool]
-_DEVICES = re.compile(r"/dev/(?!(shm|fd)(/|\Z))")
-"""Not what containers write to, nor a link to what a process has open, behind which `..` leads anywhere."""
-_ELSEWHERE = "not below /dev, as in a volume or a container's own files"
-_OTHERS = "below a folder that a container of the experiment writes to"
 _READ_ONLY = "read-only, but for what is mounted below it"
 """Engines before 25, and kernels before 5.12, know no other way."""
 _NONE: Mapping[str, ContainerDefinition] = MappingProxyType({})
@@ -135,7 +141,7 @@ def _of_network(settings: NetworkSettings) -> Iterator[Permission]:
     """Yield what the overlay takes from the robots' own network: their containers would have its addresses, or port."""
     if settings.subnet is not None and not is_for_overlays(settings.subnet):
         what = f"{settings.subnet} leads into the overlay on every robot, not to who has these addresses outside"
-        yield Permission(kind="host-network", service="network.subnet", what=what)
+        yield Permission(kind="host-network", service="network.subnet", what=noted(what, ELSEWHERE))
     if settings.port < _FIRST_FREE_PORT:
         yield Permission(kind="low-port", service="network.port", what=f"{settings.port}/udp, on every robot")
     if settings.persist:
@@ -143,16 +149,17 @@ def _of_network(settings: NetworkSettings) -> Iterator[Permission]:
         yield Permission(kind="unit", service="network.persist", what=what)
 
 
-def _written(experiment: Experiment) -> _Places:
+def _written(experiment: Experiment) -> Places:
     """Return what tells whether containers of the experiment may write to a robot's path: it is what these want."""
     return below(path for service in experiment.services.values() for path in written_by(service.runtime))
 
 
-def _of_service(service: Service, written: _Places) -> Iterator[Permission]:
+def _of_service(service: Service, written: Places) -> Iterator[Permission]:
     run = service.runtime
     if service.network in ("host", "both"):
         yield Permission(kind="host-network", service=service.name, what=noted("the robot's network", LISTENERS))
-    for kind, what in (*_namespaces(run), *_paths(run, written), *_hardware(run, written), *_lasting(run)):
+    own = _namespaces(run, shared=service.network in ("host", "both") or run.ipc == "host")
+    for kind, what in (*own, *_paths(run, written), *of_hardware(run, written), *_lasting(run)):
         yield Permission(kind=kind, service=service.name, what=what)
 
 
@@ -185,9 +192,9 @@ def _fetched(url: str, ref: str) -> str:
     return f"{url}, {ref or 'its default branch'}: fetched here{how}"
 
 
-def _namespaces(run: Runtime) -> Iterator[tuple[str, str]]:
+def _namespaces(run: Runtime, *, shared: bool) -> Iterator[tuple[str, str]]:
     if run.privileged:
-        yield "privileged", "all devices and capabilities of the robot"
+        yield "privileged", noted("all devices and capabilities of the robot", AS_ROOT)
     if run.pid:
         yield "host-pid", noted(f"pid: {run.pid}", EVERY_PROCESS)
     if run.ipc and run.ipc not in ("private", "none"):
@@ -195,35 +202,23 @@ def _namespaces(run: Runtime) -> Iterator[tuple[str, str]]:
     for capability in run.cap_add:
         yield "capability", noted(capability, of_capability(capability))
     for name, value in sorted(run.sysctls.items()):
-        yield "sysctl", f"{name}={value}"
+        yield "sysctl", noted(f"{name}={value}", of_sysctl(name, shared=shared))
     yield from of_security(run.security_opt)
     if run.runtime:
-        yield "runtime", f"runtime: {run.runtime}, which starts its container instead of the engine's own"
+        what = f"runtime: {run.runtime}, which starts its container instead of the engine's own"
+        yield "runtime", noted(what, of_runtime(run.runtime))
 
 
-def _paths(run: Runtime, written: _Places) -> Iterator[tuple[str, str]]:
+def _paths(run: Runtime, written: Places) -> Iterator[tuple[str, str]]:
     for mount in run.mounts:
         if mount.kind == "bind":
             kind, why = mount_kind(mount.source, read_only=mount.read_only)
             if kind != GRAVE and written(mount.source):
-                kind, why = GRAVE, f"{_OTHERS}: a link there leads anywhere"
+                kind, why = GRAVE, f"{OTHERS}: a link there leads anywhere"
             made = "made where it is not there" if mount.create_host_path else ""
+            why = f"{AS_ROOT}: {why}".removesuffix(": ") if kind == GRAVE else why
             notes = [note for note in (_READ_ONLY if mount.read_only else "", made, why) if note]
             yield kind, noted(mount.source, "; ".join(notes))
-
-
-def _hardware(run: Runtime, written: _Places) -> Iterator[tuple[str, str]]:
-    for path, _, rights in run.devices:
-        below_dev = _DEVICES.match(plain(path)) and ".." not in path.split("/")  # an engine goes by links first
-        where = _OTHERS if written(path) else "" if below_dev else _ELSEWHERE
-        if where:
-            yield "privileged", f"the device {path} ({rights}; {where}: it may be any device)"
-        else:
-            yield "device", noted(path, "; ".join(filter(None, (rights, of_device(plain(path))))))
-    for rule in run.device_cgroup_rules:
-        yield "device", noted(f"cgroup rule {rule}", of_rule(rule))
-    if run.gpus:
-        yield "gpu", f"gpus: {run.gpus}"
 
 
 def _lasting(run: Runtime) -> Iterator[tuple[str, str]]:

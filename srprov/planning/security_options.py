@@ -11,21 +11,22 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 
+from srprov.planning.graver import AS_ROOT, MAY_BE
+
 _ORDINARY = re.compile(
     r"no-new-privileges(?:[=:](?:true|false))?|seccomp[=:](?:unconfined|builtin)"
     r"|(?:apparmor|label)[=:][A-Za-z0-9_.:,/-]+"
 )
-"""What is known to leave a container its capabilities, and what the engine hides from it, as they are.
+"""What is known to leave a container what an engine gives and hides, as it is.
 
 A closed list: engines learn new options, such as `writable-cgroups`. AppArmor and SELinux only ever take away.
 """
 _PROFILE = re.compile(r"seccomp\s*[=:]")
-PROFILE = "as good as root on the robot, as a profile of its own may leave it all capabilities"
-UNKNOWN = "may be as good as root on the robot"
+PROFILE = f"{AS_ROOT}, as a profile of its own may leave it all capabilities"
 
 
 def of_security(options: Iterable[str]) -> Iterator[tuple[str, str]]:
     """Yield kind and words of what options ask for; of a profile, which may be long, first why it is grave."""
     for option in options:
-        why = "" if _ORDINARY.fullmatch(option) else PROFILE if _PROFILE.match(option) else UNKNOWN
+        why = "" if _ORDINARY.fullmatch(option) else PROFILE if _PROFILE.match(option) else MAY_BE
         yield "security-opt", f"{why}: {option}" if why else option

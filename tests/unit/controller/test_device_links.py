@@ -16,6 +16,7 @@ from srprov.controller.owners import read_owner
 from srprov.controller.request import PlanRequest
 from srprov.controller.saved import check_plan, kept_plan
 from srprov.definitions.model import Definitions
+from srprov.planning.graver import HARMLESS
 from srprov.planning.planfile import dump
 from srprov.planning.planread import load
 from tests.fakes import World
@@ -35,9 +36,11 @@ def having(*paths: str, **fields: Any) -> Any:
         ("/dev/teleop", "/dev/input/event4", f"may be {ROOT}"),
         ("/dev/ubuntu-vg/ubuntu-lv", "/dev/dm-0", f"a disk: {ROOT}, if it is the robot's own"),
         ("/dev/arm", "/srv/data/tty", "it may be any device"),
-        ("/dev/lidar", "/dev/ttyUSB0", ""),
+        ("/dev/lidar", "/dev/ttyUSB0", HARMLESS),  # of its name alone nobody knew that
+        ("/dev/video0", "/dev/video1", ""),
         ("/dev/lidar", "/dev/lidar", ""),
-        ("/dev/uinput", "/dev/hidraw0", ""),  # which was said
+        ("/dev/uinput", "/dev/hidraw0", f"may be {ROOT}"),
+        ("/dev/sda", "/dev/hidraw0", ""),  # which was said
         ("/dev/lidar", "", ""),
         ("/dev/lidar", "dev/mem", ""),
     ],
@@ -54,6 +57,7 @@ def test_a_disk_is_said_to_be_one_whatever_it_is_called() -> None:
     assert list(graver_devices([having("/dev/bcache0", "/dev/data", "/dev/sda", "/dev/usb")], said)) == [
         f"the device /dev/bcache0, which 'a' has, is, or holds, {disk}",
         f"the device /dev/data, which 'a' has, leads to /dev/drbd1 (it is, or holds, {disk})",
+        f"the device /dev/usb, which 'a' has, leads to /dev/ttyUSB0 ({HARMLESS})",
     ]
 
 

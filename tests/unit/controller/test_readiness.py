@@ -34,7 +34,10 @@ def test_a_folder_that_shall_be_made_is_made_before_the_container() -> None:
     (step,) = [step for step in plan.steps if step.module == "container"]
     assert step.commands[0].text() == f"mkdir -p -- {MISSING}"
     assert plan.permissions[0].kind == "docker-socket"  # the fake robot misses only paths of srprov's own folder
-    assert plan.permissions[0].what == f"{MISSING} (made where it is not there; what an engine or srprov keeps)"
+    assert (
+        plan.permissions[0].what
+        == f"{MISSING} (made where it is not there; as good as root on the robot: what an engine or srprov keeps)"
+    )
 
 
 def test_a_port_that_a_program_of_the_robot_has_is_known_with_its_name() -> None:

@@ -39,7 +39,8 @@ def test_what_is_asked_of_nobody_is_told_of_the_paths_that_are_written(tmp_path:
     there = at_home(expand(source.definitions.experiment, {}), placed, facts)
     made = compose.on_robots(source, there, placed, ADDRESSES)
     told = [note for note in made.notes if "asks nobody" in note]
-    assert told == ["a gets more than its container, and Compose asks nobody: docker-socket (/run/docker.sock)"]
+    what = "/run/docker.sock (as good as root on the robot)"
+    assert told == [f"a gets more than its container, and Compose asks nobody: docker-socket ({what})"]
 
 
 def test_the_robots_own_network_is_told_where_compose_has_no_other(tmp_path: Path) -> None:

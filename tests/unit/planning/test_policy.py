@@ -11,7 +11,7 @@ from srprov.definitions.containermodel import ContainerDefinition, Logging, Moun
 from srprov.definitions.model import NetworkSettings
 from srprov.definitions.secretmodel import SecretSource, SecretUse
 from srprov.planning.graver import EVERY_PROCESS, TOLD
-from srprov.planning.log_options import ANY_DRIVER
+from srprov.planning.log_options import ANY_DRIVER, JOURNAL
 from srprov.planning.policy import KINDS, permissions, refused
 from srprov.planning.security_options import PROFILE
 from tests.bounded import bounded
@@ -26,7 +26,7 @@ NETWORK = (
 SHARED = "root may believe what is written to its shared memory, or do what a socket in it is told"
 READ = "a key there may let somebody in, and a socket there may do as root what it is told"
 ROOT = "as good as root on the robot"
-HOLDS = "holds the engine's socket"
+HOLDS = f"{ROOT}: holds the engine's socket"
 KEPT = ("/run/docker", "/var/run/docker/plugins", "/var/lib/docker/volumes", "/var/lib/docker", "/var", "/var/lib",
         "/var/lib/../lib/containerd/", "/run/srprov", "/var/run/srprov/x", "/var/lib/srprov/x", "/var/lib/containers",
         "/run/user/1000/docker.sock", "/run/user")  # fmt: skip
@@ -35,7 +35,7 @@ ASKS: list[tuple[dict[str, Any], list[tuple[str, str]]]] = [
     ({"network": "none"}, []),
     ({"network": "host"}, [("host-network", NETWORK)]),
     ({"network": "both"}, [("host-network", NETWORK)]),
-    ({"privileged": True}, [("privileged", "all devices and capabilities of the robot")]),
+    ({"privileged": True}, [("privileged", f"all devices and capabilities of the robot ({ROOT})")]),
     ({"pid": "host"}, [("host-pid", f"pid: host ({EVERY_PROCESS})")]),
     ({"pid": "container:other"}, [("host-pid", f"pid: container:other ({EVERY_PROCESS})")]),
     ({"ipc": "host"}, [("host-ipc", f"ipc: host ({SHARED})")]),
@@ -44,30 +44,32 @@ ASKS: list[tuple[dict[str, Any], list[tuple[str, str]]]] = [
     ({"ipc": "none"}, []),
     ({"cap_add": ("SYS_ADMIN", "NET_ADMIN")}, [("capability", "NET_ADMIN"), ("capability", f"SYS_ADMIN ({ROOT})")]),
     ({"sysctls": {"net.x": "1"}}, [("sysctl", "net.x=1")]),
+    ({"sysctls": {"vm.x": "1"}}, [("sysctl", f"vm.x=1 (may be {ROOT})")]),
     ({"security_opt": ("apparmor=unconfined",)}, [("security-opt", "apparmor=unconfined")]),
     ({"security_opt": ('seccomp={"syscalls":[]}',)}, [("security-opt", f'{PROFILE}: seccomp={{"syscalls":[]}}')]),
-    ({"devices": (("/dev/a", "/dev/b", "rwm"),)}, [("device", "/dev/a (rwm)")]),
+    ({"devices": (("/dev/video0", "/dev/b", "rwm"),)}, [("device", "/dev/video0 (rwm)")]),
     ({"device_cgroup_rules": ("c 81:* rmw",)}, [("device", "cgroup rule c 81:* rmw")]),
     ({"gpus": "all"}, [("gpu", "gpus: all")]),
     ({"mounts": (Mount(kind="bind", source="/srv", target="/r"),)}, [("host-path", "/srv")]),
     ({"mounts": (Mount(kind="bind", source="/a", target="/r", read_only=True),)},
      [("host-path", f"/a ({ONLY}; {READ})")]),
-    ({"mounts": (Mount(kind="bind", source=SOCKET, target="/r"),)}, [("docker-socket", SOCKET)]),
-    ({"mounts": (Mount(kind="bind", source="/var" + SOCKET, target="/r"),)}, [("docker-socket", "/var" + SOCKET)]),
+    ({"mounts": (Mount(kind="bind", source=SOCKET, target="/r"),)}, [("docker-socket", f"{SOCKET} ({ROOT})")]),
+    ({"mounts": (Mount(kind="bind", source="/var" + SOCKET, target="/r"),)},
+     [("docker-socket", f"/var{SOCKET} ({ROOT})")]),
     ({"mounts": (Mount(kind="volume", source="v", target="/v"), Mount(kind="tmpfs", source="", target="/t"))}, []),
     ({"mounts": (Mount(kind="tree", source="/e/www", target="/v"),)}, []),
     *[
         ({"mounts": (Mount(kind="bind", source=source, target="/r"),)}, [(kind, source + (f" ({why})" if why else ""))])
         for source, kind, why in (
-            ("//var/run/docker.sock", "docker-socket", ""),
-            ("/var/run/../run/docker.sock", "docker-socket", ""),
-            ("/run/./docker.sock/", "docker-socket", ""),
+            ("//var/run/docker.sock", "docker-socket", ROOT),
+            ("/var/run/../run/docker.sock", "docker-socket", ROOT),
+            ("/run/./docker.sock/", "docker-socket", ROOT),
             ("/", "docker-socket", HOLDS),
             ("/var/run", "docker-socket", HOLDS),
             ("/run/containerd", "docker-socket", HOLDS),
-            ("/proc/1/root/run/x", "docker-socket", "leads to every file of the robot"),
+            ("/proc/1/root/run/x", "docker-socket", f"{ROOT}: leads to every file of the robot"),
             ("/run/docker.sock.d", "host-path", "root may run or believe what is written there"),
-            *((path, "docker-socket", "what an engine or srprov keeps") for path in KEPT),
+            *((path, "docker-socket", f"{ROOT}: what an engine or srprov keeps") for path in KEPT),
             *((path, "docker-socket", HOLDS) for path in ("/var/run/containerd", "//run/./podman")),
             ("/var/lib/dockers", "host-path", "root may run or believe what is written there"),
             ("/var/running", "host-path", "root may run or believe what is written there"),
@@ -84,14 +86,16 @@ ASKS: list[tuple[dict[str, Any], list[tuple[str, str]]]] = [
         ({"restart": one}, [("restart-always", f"restart: {one}, also when the robot boots after the experiment")])
         for one in ("on-failure", "on-failure:3")
     ],
-    ({"runtime": "nvidia"}, [("runtime", "runtime: nvidia, which starts its container instead of the engine's own")]),
+    ({"runtime": "crun"}, [("runtime", "runtime: crun, which starts its container instead of the engine's own")]),
     ({"oom_score_adj": -5}, [("realtime", "oom_score_adj: -5, when memory is short others are killed first")]),
     ({"logging": Logging(driver="gelf", options={"gelf-address": "udp://x:1"})},
      [("logging", "driver gelf: the engine sends what is printed wherever it is told (" + TOLD + ")"),
       ("logging", "option gelf-address=udp://x:1")]),
     ({"logging": Logging(driver="journald")},
-     [("logging", "driver journald: the engine sends what is printed into the robot's own journal")]),
-    ({"logging": Logging(driver="local", options={"fluentd-address": "x"})}, [("logging", "option fluentd-address=x")]),
+     [("logging", "driver journald: the engine sends what is printed into the robot's own journal"
+       f" ({JOURNAL})")]),
+    ({"logging": Logging(driver="local", options={"fluentd-address": "x"})},
+     [("logging", f"option fluentd-address=x (may be {ROOT})")]),
     *[({"logging": Logging(options={name: value})}, [("logging", f"option {name}={value} ({ANY_DRIVER})")])
       for name, value in [("fluentd-address", "x"), ("tag", "{{.Command}}"), ("env", "A"), ("labels", "a"),
                           ("max-size", "1k")]],
@@ -195,10 +199,22 @@ DISKS = (
     *("sda", "sda1", "vdb", "nvme0", "nvme0n1", "nvme0n1p2", "mmcblk0", "mmcblk0p1", "mmcblk0boot0", "dm-0", "sg1"),
     *("mapper/root", "disk/by-id/x", "block/8:0", "./sda", "md127", "md/0", "mtd0", "mtdblock0", "loop0p1"),
     *("mem", "uinput", "vfio/12", "uhid", "hidraw0", "usbmon1", "tty1", "console", "ng0n1", "bus/usb/001/002", "input"),
-    "input/event3",
+    *("input/event3", "lidar", "vcio", "vchiq", "pts/0", "ttyS0", "ttyAMA0", "serial0", "kmsg", "cpu/0/msr", "tpmrm0"),
+    *("pmem0", "dasda", "bcache0", "uio0", "char/1:1", "snd\n", "video0/x", "net/x"),
 )
 PARTS_OF_ROBOTS = (
-    *("ttyUSB0", "video0", "snd", "dri/renderD128", "input/js0", "i2c-1", "spidev0.0", "gpiochip0", "shared", "media0"),
+    *(
+        "ttyUSB0",
+        "video0",
+        "snd",
+        "dri/renderD128",
+        "input/js0",
+        "i2c-1",
+        "spidev0.0",
+        "gpiochip0",
+        "snd/pcmC0D0p",
+        "media0",
+    ),
 )
 
 
@@ -213,7 +229,10 @@ PARTS_OF_ROBOTS = (
         *({"devices": ((f"/dev/{name}", "/dev/x", "r"),)} for name in DISKS),
         *({"device_cgroup_rules": (rule,)} for rule in ("a *:* rwm", "b 8:0 rw", "c *:* r", "c 21:* rw", "c 10:223 w")),
         *({"device_cgroup_rules": (rule,)} for rule in ("c 010:223 w", "c 01:1 r", "c 0021:* rw", "c 13:* w")),
-        *({"device_cgroup_rules": (rule,)} for rule in ("c 4:1 r", "c 189:* rw", "c 241:0 rw", "c 0:0 r")),
+        *(
+            {"device_cgroup_rules": (rule,)}
+            for rule in ("c 4:1 r", "c 204:64 r", "c 189:* rw", "c 241:0 rw", "c 0:0 r")
+        ),
     ],
 )
 def test_what_is_as_good_as_root_is_said(run: dict[str, Any]) -> None:
