@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 from srprov.planning.graver import AS_ROOT, MAY_BE
 
 _ORDINARY = re.compile(
-    r"no-new-privileges(?:[=:](?:true|false))?|seccomp[=:](?:unconfined|builtin)"
+    r"no-new-privileges(?:[=:](?:true|false))?|seccomp[=:]builtin"
     r"|(?:apparmor|label)[=:][A-Za-z0-9_.:,/-]+"
 )
 """What is known to leave a container what an engine gives and hides, as it is.
@@ -23,10 +23,14 @@ A closed list: engines learn new options, such as `writable-cgroups`. AppArmor a
 """
 _PROFILE = re.compile(r"seccomp\s*[=:]")
 PROFILE = f"{AS_ROOT}, as a profile of its own may leave it all capabilities"
+UNCONFINED = f"{MAY_BE}, as it reads what root's programs keep in the kernel's keyrings, such as a disk's password"
+"""These are a user's, by its number, in whatever container; the engine's own profile of seccomp is what keeps them."""
+_UNCONFINED = re.compile(r"seccomp[=:]unconfined")
 
 
 def of_security(options: Iterable[str]) -> Iterator[tuple[str, str]]:
     """Yield kind and words of what options ask for; of a profile, which may be long, first why it is grave."""
     for option in options:
-        why = "" if _ORDINARY.fullmatch(option) else PROFILE if _PROFILE.match(option) else MAY_BE
+        why = "" if _ORDINARY.fullmatch(option) else UNCONFINED if _UNCONFINED.fullmatch(option) else MAY_BE
+        why = PROFILE if why == MAY_BE and _PROFILE.match(option) else why
         yield "security-opt", f"{why}: {option}" if why else option

@@ -84,7 +84,7 @@ TABLE = {
     ),
     "security-opt": Kind(
         harmless=each("security_opt", "no-new-privileges", "apparmor=unconfined", "label=disable"),
-        warned=each("security_opt", "seccomp={}", "systempaths=unconfined", f"x={LONG}", ""),
+        warned=each("security_opt", "seccomp=unconfined", "seccomp={}", "systempaths=unconfined", f"x={LONG}", ""),
     ),
     "runtime": Kind(
         harmless=({"runtime": "runc"}, {"runtime": "runsc"}),

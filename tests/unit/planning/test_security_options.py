@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from srprov.planning.graver import MAY_BE
-from srprov.planning.security_options import PROFILE, of_security
+from srprov.planning.security_options import PROFILE, UNCONFINED, of_security
 
 
 @pytest.mark.parametrize(
@@ -19,6 +19,12 @@ from srprov.planning.security_options import PROFILE, of_security
 def test_what_leaves_a_container_its_capabilities_is_shown_as_it_is(option: str) -> None:
     """None of these gives it anything of the robot by itself."""
     assert list(of_security((option,))) == [("security-opt", option)]
+
+
+@pytest.mark.parametrize("option", ["seccomp=unconfined", "seccomp:unconfined"])
+def test_without_a_profile_a_container_reads_the_keys_of_root(option: str) -> None:
+    """The kernel knows a user's keyrings by the user's number, and root of a container has that of root."""
+    assert list(of_security((option,))) == [("security-opt", f"{UNCONFINED}: {option}")]
 
 
 @pytest.mark.parametrize("option", ["seccomp={}", "seccomp:{}", "seccomp=unconfined ", "seccomp =x", "seccomp=/p.json"])
