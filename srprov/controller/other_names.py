@@ -1,7 +1,7 @@
 """What a path of a robot is beside what its name says: another folder's name, somebody's home, a disk of the robot's.
 
 A plan says of paths by their names what they give away. `/data` may hold what an overlay shows as `/etc`, the homes of
-users, or the file that the robot's memory is swapped to; the robot knows.
+users, the file that the robot's memory is swapped to, or what a unit starts as root; the robot knows.
 """
 
 from __future__ import annotations
@@ -14,14 +14,37 @@ from srprov.robot_answers import TooManyError
 from srprov.untrusted import folder, lines_of, text
 from srprov.wire import Query
 
+_FOUND = r"""for f in @/srv/salt @/srv/pillar @/srv/formulas @/srv/reactor @/srv/spm @/srv/tftp @/srv/tftpboot; do
+  [ ! -e "$f" ] || readlink -f "$f"
+done
+{ find @/etc @/opt @/usr/local @/var/lib @/var/opt @/var/spool @/root -xdev -maxdepth 3 -type l -exec stat -c %N {} + |
+  sed -n -E "s#.* -> '((\.\./)+|/+)((srv|mnt|media|data)(/[^']*)?)'\$#/\3#p" | head -n 1000
+{ grep -rhE '^(Exec|EnvironmentFile)' @/etc/systemd/system @/lib/systemd/system
+  grep -rhE '^[^#]' @/etc/crontab @/etc/cron.d @/etc/cron.hourly @/etc/cron.daily @/etc/cron.weekly @/var/spool/cron \
+    @/etc/rc.local @/etc/init.d @/etc/udev/rules.d @/etc/ld.so.conf.d @/etc/sudoers.d @/etc/profile.d
+} | grep -oE '(^|[^A-Za-z0-9._])/(srv|mnt|media|data)(/[A-Za-z0-9._@+-]+)+' | sed -n 's/^[^/]*//p' | head -n 1000
+} 2>/dev/null
+"""
+"""What root's programs find where data are: Salt's folders, links, and what units and the like name.
+
+`@` is where all of that lies: nothing, but for tests.
+"""
+
+
+def places_of_root(below: str = "") -> str:
+    """Return a script that prints the places of data from which root's programs take what they run or believe."""
+    return _FOUND.replace("@/", f"{below}/")
+
+
 USED = Query(
-    command=r"""while IFS=: read -r _ _ _ _ _ home shell; do
+    command=places_of_root()
+    + r"""while IFS=: read -r _ _ _ _ _ home shell; do
   case $shell in */nologin | */false) ;; *) [ ! -d "$home" ] || readlink -f "$home" ;; esac
 done </etc/passwd
 { tail -n +2 /proc/swaps | cut -d ' ' -f 1; cat /sys/block/loop*/loop/backing_file; } 2>/dev/null
 :"""
 )
-"""Ask for the homes of those who may log in, and for the files that the robot swaps to, or has a file system in."""
+"""Ask for that, the homes of those who may log in, and the files that the robot swaps to, or has a file system in."""
 _MOST_LINES = 10_000
 _MOST_NAMED = 4
 

@@ -30,11 +30,14 @@ _ENGINES = (
 """Folders in which engines, or srprov, keep sockets, images, volumes or secrets: /run/user of those without root."""
 _OF_ROOT = ("/run/dbus", "/run/systemd")
 """Folders with sockets of what does as root tells it, also root in a container."""
-_DATA = re.compile(r"/(?:srv|mnt|media|data)(?:/(?!\.)[^/]+)*")
+_DATA = re.compile(
+    r"/(?!srv/(?:salt|pillar|formulas|reactor|spm|tftp(?:boot)?)(?:/|\Z))(?:srv|mnt|media|data)(?:/(?!\.)[^/]+)*"
+)
 """Where data are. Anywhere else may be what root's programs run or believe, such as the rules of udev in `/run/udev`.
 
 A closed list, as no list of the other folders would ever be whole. People's homes are none of it: their shells run what
-is in `~/bin`; nor is what lies below /tmp, where tmux and agents of keys have sockets. Hidden files are settings.
+is in `~/bin`; nor is what lies below /tmp, where tmux and agents of keys have sockets. Hidden files are settings. Salt
+runs as root what is in its folders below /srv, and robots boot what is served there.
 """
 _PUBLIC = re.compile(
     r"/(?:usr|lib[^/]*|s?bin|opt/ros)(?:/.*)?|/sys/(?:block|bus|class|dev|devices|module)(?:/.*)?"

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import subprocess
+from pathlib import Path
+
 import pytest
 
-from srprov.controller.other_names import other_names, used
+from srprov.controller.other_names import other_names, places_of_root, used
 from srprov.controller.robot_mounts import Mounts
 from srprov.definitions.containermodel import Mount
 from tests.bounded import bounded
@@ -72,6 +75,27 @@ def test_what_a_robot_uses_counts_whatever_its_name() -> None:
     assert said(DATA, "/srv/robot/bin", *others) == [f"/srv/robot/bin is, holds or lies in /srv/robot: {WRITTEN}"]
     assert "/mnt/swapfile: a key there" in said(DATA, "/mnt", *others, read_only=True)[0]
     assert said(DATA, "/data/usr.img", *others) and not said(DATA, "/srv/robots", *others)
+
+
+@pytest.mark.parametrize("shell", [("dash",), ("bash",), ("busybox", "sh")])
+def test_a_shell_says_where_root_s_programs_look_for_data(tmp_path: Path, shell: tuple[str, ...]) -> None:
+    """Salt's own folders, links to data, and programs there that units, rules of udev and the like start."""
+    for name, text in {
+        "srv/salt/top.sls": "",
+        "etc/systemd/system/a.service": "[Service]\nExecStart=-/data/svc/run --x=/mnt/a-b\nDescription=/data/no\n",
+        "etc/systemd/system/b.mount": "[Mount]\nWhere=/data\nWhat=/mnt/no\n",
+        "etc/cron.d/x": "# /srv/no\n* * * * * root /opt/data/no; /srv/job\n",
+        "etc/udev/rules.d/9.rules": 'RUN+="/media/hook"\n',
+    }.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    for name, to in {"etc/app": "../data/app", "etc/b/c": "/mnt/it is", "etc/d": "data/no", "opt": "/data/opt"}.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).symlink_to(to)
+    asked = [*shell, "-c", places_of_root(str(tmp_path))]
+    out = subprocess.run(asked, capture_output=True, text=True, check=True).stdout
+    named = ("/data/app", "/data/opt", "/data/svc/run", "/media/hook", "/mnt/a-b", "/mnt/it is", "/srv/job")
+    assert used(out) == [*named, f"{tmp_path}/srv/salt"]
 
 
 def test_a_plan_says_so_of_each_robot_of_a_new_container() -> None:

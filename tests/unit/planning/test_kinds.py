@@ -59,7 +59,14 @@ TABLE = {
     "host-ipc": Kind(harmless=({"ipc": "shareable"},), warned=({"ipc": "host"},)),
     "host-path": Kind(
         harmless=(bind("/srv/maps"), bind("/media"), bind("/usr/share", read_only=True)),
-        warned=(bind("/opt/x"), bind(f"/{LONG}"), bind("/srv/.x"), bind("/etc", read_only=True), bind("~u/x")),
+        warned=(
+            bind("/opt/x"),
+            bind(f"/{LONG}"),
+            bind("/srv/.x"),
+            bind("/etc", read_only=True),
+            bind("~u/x"),
+            bind("/srv/salt/x"),
+        ),
     ),
     "docker-socket": Kind(warned=(bind("/run/docker.sock"), bind("/proc"), bind("/run/user/0/x"), bind("/"))),
     "device": Kind(
