@@ -98,7 +98,9 @@ def test_a_home_that_leads_to_the_engine_is_asked_for_as_that() -> None:
     world.robots["r1"].spelled = "/etc/passwd:robot:x:1000:1000::/run:/bin/sh\n"
     world.robots["r1"].disk.files["/run/docker.sock"] = b""
     plan = plan_for(world, experiment(service("a", mounts=(home("robot", "/docker.sock"),))))
-    assert [(one.kind, one.what) for one in plan.permissions] == [("docker-socket", "/run/docker.sock (as good as root on the robot)")]
+    assert [(one.kind, one.what) for one in plan.permissions] == [
+        ("docker-socket", "/run/docker.sock (as good as root on the robot)")
+    ]
 
 
 def test_a_service_runs_where_the_user_is_whose_home_it_mounts() -> None:
