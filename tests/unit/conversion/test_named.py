@@ -311,16 +311,6 @@ def test_a_note_and_what_to_look_at_is_in_every_form(
         assert "the service 'own' has parts" in told and "where one of them is a stranger's, look at what" in told
 
 
-def test_a_volume_in_a_home_of_the_robot_is_had_by_services_of_files_apart(together: Path) -> None:
-    """It is no file of the user's here, but the robot's own path: the plan asks for it by each service's name."""
-    use = "volumes: ['data:/d']"
-    (together / "compose.yml").write_text(f"services: {{a: {{image: x, {use}}}}}\n")
-    home = "volumes: {data: {driver_opts: {type: none, o: bind, device: '~/data'}}}"
-    Path("lab/mine.yml").write_text(f"services: {{own: {{image: x, {use}}}}}\n{home}\n")
-    assert run(["import", "compose", "lab/mine.yml", "stranger/compose.yml", "-o", "new"]) == 0
-    assert Path("new/experiment.edf").read_text().count("~robot/data:/d") == 2
-
-
 ASKING = ("{A: '${A}'}", "{A: '${A:-none}'}", "{A: '${A:+some}'}", "[A]", "{A: }")
 
 

@@ -127,7 +127,7 @@ def test_a_page_of_a_plan_says_it(tmp_path: Path) -> None:
     plan = Plan(instance="x", source="here", steps=(image, anew))
     text = page(of_plan(tmp_path / "plan.json", dump(PlanFile(plan=plan, fingerprints={})).encode()))
     assert f"built here; made of {PRIVATE}" in text
-    assert f"volumes differ; {TOLD}" in text and "more characters)" in text
+    assert f"volumes differ; {TOLD}" in text and f"{LAST}; mounts volume bag at /bag" in text
 
 
 @pytest.mark.parametrize("other", ["image busybox", ""])
