@@ -24,11 +24,10 @@ import msgspec
 from srprov import regular_file
 from srprov.codes import Code
 from srprov.errors import HostKeyError
-from srprov.transport.openssh.key_file import place
+from srprov.transport.openssh.key_file import place, stands_plain
 from srprov.transport.openssh.settings import SshSettings
 from srprov.wire import sh
 
-_PLAIN = re.compile(r"[a-z0-9._:%_\[\]-]+", re.ASCII)
 _appending = threading.Lock()
 _PATTERN = frozenset("*?!|")
 """What stands in no name that means itself alone."""
@@ -227,7 +226,7 @@ def _short(kind: str) -> str:
 def _append(settings: SshSettings, kind: str, blob: bytes) -> None:
     """Write a new robot's key down, in one write so that two threads never mix lines."""
     name, _ = names_of(settings)
-    if settings.hash_known_hosts or not _PLAIN.fullmatch(name):  # what has a comma or a star would mean other robots
+    if settings.hash_known_hosts or not stands_plain(settings, name):
         salt = os.urandom(20)
         digest = hmac.new(salt, name.encode(), hashlib.sha1).digest()
         name = "|1|{}|{}".format(*(base64.b64encode(part).decode("ascii") for part in (salt, digest)))

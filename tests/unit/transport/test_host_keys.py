@@ -153,8 +153,9 @@ def test_an_inventory_has_a_key_written_to_no_file_but_one_of_host_keys(tmp_path
 
 @pytest.mark.parametrize("name", ["known_hosts", "lab-known_hosts", "new/known_hosts2", "KnownHosts.lab"])
 def test_an_inventory_has_a_key_written_to_a_file_of_host_keys(tmp_path: Path, name: str) -> None:
-    check(settings(tmp_path / name, accept_new=True, inherited=NAMED), [], "ssh-ed25519", BLOB)
-    assert (tmp_path / name).read_text() == f"bot.lan ssh-ed25519 {b64(BLOB)}\n"
+    where = settings(tmp_path / name, accept_new=True, inherited=NAMED)
+    check(where, [], "ssh-ed25519", BLOB)
+    assert [one.blob for one in known_keys(where.known_hosts, *names_of(where))] == [BLOB]
 
 
 def test_fingerprint_is_openssh_s() -> None:
@@ -176,3 +177,32 @@ def test_a_file_is_read_once_for_all_robots_and_again_when_it_has_changed(
     file.write_text("!r1,r* ssh-ed25519 AAAA\nR3 ssh-rsa AAAA\n")
     assert [one.line for one in host_keys.known_keys([str(file)], "r3", None)] == [1, 2]
     assert host_keys.known_keys([str(file)], "r1", None) == []
+
+
+@pytest.mark.parametrize("more", [{"host_key_alias": "source"}, {"hostname": "make"}, {"hostname": "a.b", "port": 2202}])
+@pytest.mark.parametrize("name", [".bashrc.d/known_hosts", "fish/conf.d/known_hosts.fish"])
+def test_no_word_of_an_inventory_stands_in_a_file_that_it_names(tmp_path: Path, name: str, more: dict[str, str]) -> None:
+    file = tmp_path / name
+    where = settings(file, accept_new=True, hash_known_hosts=False, inherited=NAMED, **more)
+    check(where, [], "ssh-ed25519", BLOB)
+    assert file.read_text().startswith("|1|")  # a shell that runs all files of a folder would run the name
+    known = known_keys([str(file)], *names_of(where))
+    assert [one.blob for one in known] == [BLOB]
+    check(where, known, "ssh-ed25519", BLOB)
+
+
+@pytest.mark.parametrize(
+    ("hostname", "port", "written"),
+    [("10.0.0.7", 22, "10.0.0.7"), ("10.0.0.7", 2202, "[10.0.0.7]:2202"), ("fd00::7", 22, "fd00::7"),
+     ("fe80::1%source", 22, "|1|")],
+)  # fmt: skip
+def test_an_address_is_written_as_it_is(tmp_path: Path, hostname: str, port: int, written: str) -> None:
+    file = tmp_path / "known_hosts"
+    check(settings(file, accept_new=True, inherited=NAMED, hostname=hostname, port=port), [], "ssh-ed25519", BLOB)
+    assert file.read_text().startswith(written)
+
+
+def test_a_name_stands_in_the_user_s_own_file(tmp_path: Path) -> None:
+    file = tmp_path / "known_hosts"
+    check(settings(file, accept_new=True), [], "ssh-ed25519", BLOB)
+    assert file.read_text().startswith("bot.lan ssh-ed25519 ")
