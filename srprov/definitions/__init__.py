@@ -17,6 +17,7 @@ field means is in `schemas/` and in docs/definitions.md.
     formatting  EDFs and CDFs in one form
     starter     a new experiment
     inventory, inifile, script, hostvars, ranges, patterns  the robots
+    unseen      what in an inventory its reader does not see
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 from srprov import regular_file
 from srprov.codes import Code
-from srprov.definitions import hostvars, inifile, names_alone, right_kind, script
+from srprov.definitions import hostvars, inifile, names_alone, right_kind, script, unseen
 from srprov.definitions.groups import Group, HostEntry, HostTree, Variables, variables_of
 from srprov.definitions.model import Inventory
 from srprov.definitions.paths import folder_of, hide_outside, lies_open, link_out, way_out
@@ -125,7 +125,7 @@ def read_one(path: str, tree: HostTree, *, may_run: bool) -> None:
             raise DefinitionError([Diagnostic(Location(path), message, hint=_NAME_IT, code=Code.UNNAMED_INVENTORY)])
         script.read(path, tree)
         return
-    text = loader.read_text(path)
+    unseen.check(text := loader.read_text(path), path)
     names_alone.check_whole(path, text)
     first = next((line for line in map(str.strip, text.splitlines()) if line and line[0] not in "#;"), "")
     if path.endswith((".yml", ".yaml", ".json")) or (
@@ -235,7 +235,7 @@ def _variables(folder: str, name: str, tree: HostTree, unnamed: str) -> Variable
 def _variables_file(path: str, tree: HostTree, unnamed: str) -> Variables:
     try:
         _check_place(path, unnamed)
-        text = loader.read_text(path)
+        unseen.check(text := loader.read_text(path), path)
         root = None if text.startswith("$ANSIBLE_VAULT;") else loader.parse(text, path)
     except DefinitionError as error:
         tree.findings.extend(error.problems)

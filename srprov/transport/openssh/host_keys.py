@@ -15,7 +15,6 @@ import functools
 import hashlib
 import hmac
 import os
-import re
 import threading
 from collections.abc import Iterator, Sequence
 

@@ -279,3 +279,56 @@ def test_a_nul_in_what_is_read_is_a_problem(tmp_path: Path, key: str, value: str
     with pytest.raises(DefinitionError) as caught:
         _load(tmp_path, f"r1 {key}={value}\n", "hosts.ini")
     assert "a text with a NUL character" in caught.value.problems[0].message
+
+
+ENDS = ("\r", "\x0b", "\x0c", "\x1c", "\x1d", "\x1e", "\x85", "\u2028", "\u2029")
+OTHERS = ("\x08", "\x1b[1A\x1b[2K", "\x9b2K", "\u202e", "\u2066")
+
+
+@pytest.mark.parametrize("hidden", [*ENDS, *OTHERS])
+@pytest.mark.parametrize("place", ["robots.ini", "robots.yml", "host_vars/robot1.yml"])
+def test_no_comment_of_an_inventory_is_a_setting(tmp_path: Path, place: str, hidden: str) -> None:
+    """Whoever looks at an inventory before it is used sees a comment, of which a parser may see a line of its own."""
+    setting = "ansible_ssh_common_args: -o ProxyCommand=id"
+    texts = {
+        "robots.ini": f"robot1\n# before:{hidden}robot1 {setting.replace(': ', '=')}\n",
+        "robots.yml": f"all:\n  hosts:\n    robot1:\n      ansible_port: 22\n      # before:{hidden}      {setting}\n",
+        "host_vars/robot1.yml": f"ansible_port: 22\n# before:{hidden}{setting}\n",
+    }
+    (tmp_path / "host_vars").mkdir()
+    (tmp_path / "hosts.ini").write_text("robot1\n")
+    (tmp_path / place).write_text(texts[place], newline="")
+    named = place if place.startswith("robots") else "hosts.ini"
+    with pytest.raises(DefinitionError) as caught:
+        load_inventory([tmp_path / named])
+    (problem,) = caught.value.problems
+    assert "may be read otherwise than it is seen" in problem.message and problem.location.file.endswith(place)
+
+
+@pytest.mark.parametrize(
+    "text", ["robot1\r\nrobot2\r\n", "# a\n\x0c\nrobot1\nrobot2\n", "# größer\u200b\nrobot[1:2]\n"]
+)
+def test_ends_of_lines_that_everybody_sees_stay(tmp_path: Path, text: str) -> None:
+    (tmp_path / "hosts.ini").write_text(text, newline="")
+    assert list(load_inventory([tmp_path / "hosts.ini"]).hosts) == ["robot1", "robot2"]
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("hosts.ini", "robot1 ansible_host=10.0.0.7{}ansible_ssh_common_args='-o ProxyCommand=id'\n"),
+        ("hosts.yml", "all: {{hosts: {{robot1: {{ansible_port: 22,{}ansible_ssh_args: -o ProxyCommand=id}}}}}}\n"),
+        ("hosts.yml", "all:\n  hosts: {{robot1: }}\n  vars:\n{}ansible_ssh_common_args: -o ProxyCommand=id\n"),
+    ],
+)
+def test_nothing_stands_beside_the_window(tmp_path: Path, name: str, text: str) -> None:
+    file = tmp_path / name
+    file.write_text(text.format(" " * 60))
+    assert load_inventory([file]).hosts["robot1"].ssh_options
+    for many in (" " * 100, "\t" * 50 + " " * 300):
+        file.write_text(text.format(many))
+        with pytest.raises(DefinitionError) as caught:
+            load_inventory([file])
+        assert "so many blanks" in caught.value.problems[0].message
+    file.write_text(text.format(" " * 60) + f"# {' ' * 40_000}\n")  # nothing stands behind them
+    assert bounded(lambda: len(load_inventory([file]).hosts)) == 1

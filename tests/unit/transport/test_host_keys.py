@@ -179,9 +179,13 @@ def test_a_file_is_read_once_for_all_robots_and_again_when_it_has_changed(
     assert host_keys.known_keys([str(file)], "r1", None) == []
 
 
-@pytest.mark.parametrize("more", [{"host_key_alias": "source"}, {"hostname": "make"}, {"hostname": "a.b", "port": 2202}])
+@pytest.mark.parametrize(
+    "more", [{"host_key_alias": "source"}, {"hostname": "make"}, {"hostname": "a.b", "port": 2202}]
+)
 @pytest.mark.parametrize("name", [".bashrc.d/known_hosts", "fish/conf.d/known_hosts.fish"])
-def test_no_word_of_an_inventory_stands_in_a_file_that_it_names(tmp_path: Path, name: str, more: dict[str, str]) -> None:
+def test_no_word_of_an_inventory_stands_in_a_file_that_it_names(
+    tmp_path: Path, name: str, more: dict[str, object]
+) -> None:
     file = tmp_path / name
     where = settings(file, accept_new=True, hash_known_hosts=False, inherited=NAMED, **more)
     check(where, [], "ssh-ed25519", BLOB)
