@@ -332,3 +332,12 @@ def test_nothing_stands_beside_the_window(tmp_path: Path, name: str, text: str) 
         assert "so many blanks" in caught.value.problems[0].message
     file.write_text(text.format(" " * 60) + f"# {' ' * 40_000}\n")  # nothing stands behind them
     assert bounded(lambda: len(load_inventory([file]).hosts)) == 1
+
+
+def test_no_hidden_file_of_variables_is_read(tmp_path: Path) -> None:
+    (tmp_path / "hosts.yml").write_text("all: {children: {.arms: {hosts: {robot1: }}, arms: {hosts: {robot1: }}}}\n")
+    for name in (".arms.yml", ".arms/a.yml", "arms/.a.yml", "arms/.b/a.yml"):
+        place = tmp_path / "group_vars" / name
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_text("ansible_ssh_common_args: -o ProxyCommand=id\n")
+    assert load_inventory([tmp_path / "hosts.yml"]).hosts["robot1"].ssh_options == ()
