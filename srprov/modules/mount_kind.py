@@ -30,6 +30,7 @@ _ENGINES = (
 """Folders in which engines, or srprov, keep sockets, images, volumes or secrets: /run/user of those without root."""
 _OF_ROOT = ("/run/dbus", "/run/systemd")
 """Folders with sockets of what does as root tells it, also root in a container."""
+TELLS_SYSTEMD = "who is root there tells systemd what to run, as root"
 _DATA = re.compile(
     r"/(?!srv/(?:salt|pillar|formulas|reactor|spm|tftp(?:boot)?)(?:/|\Z))(?:srv|mnt|media|data)(?:/(?!\.)[^/]+)*"
 )
@@ -75,7 +76,7 @@ def mount_kind(source: str, *, read_only: bool = False) -> tuple[str, str]:
     if any(f"{one}/".startswith(f"{path.rstrip('/')}/") or path.startswith(f"{one}/") for one in _ENGINES):
         return GRAVE, "what an engine or srprov keeps"
     if any(f"{path}/".startswith(f"{one}/") for one in _OF_ROOT):
-        return "host-path", "who is root there tells systemd what to run, as root"
+        return "host-path", TELLS_SYSTEMD
     if read_only:
         if path == "/sys" or path.startswith(("/sys/kernel", "/sys/fs")):
             return "host-path", _KERNELS

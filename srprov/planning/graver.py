@@ -76,6 +76,11 @@ def noted(what: str, note: str) -> str:
     return f"{what} ({note})" if note else what
 
 
+def gives_root(note: str) -> bool:
+    """Return whether a note of these says that a container is as good as root, and not only that it may be."""
+    return "as good as root" in note and MAY_BE not in note
+
+
 def of_capability(name: str) -> str:
     """Return why a capability is more than it looks, or nothing."""
     plain = name.removeprefix("CAP_")

@@ -32,6 +32,33 @@ def test_no_robot_reaches_a_container_that_has_another_one_s_engine(tmp_path: Pa
     assert services(edf) == {"socket-proxy", "web"} and "gives its robot away" not in str(document)
 
 
+@pytest.mark.parametrize("host", [
+    {"Privileged": True},
+    {"PidMode": "host"},
+    {"CapAdd": ["CAP_SYS_ADMIN"]},
+    {"Devices": [{"PathOnHost": "/dev/sda", "PathInContainer": "/dev/disk"}]},
+    {"DeviceCgroupRules": ["b *:* rwm"]},
+    {"SecurityOpt": ['seccomp={"defaultAction":"SCMP_ACT_ERRNO"}']},
+])  # fmt: skip
+def test_no_robot_reaches_a_container_that_is_as_good_as_root_on_another(tmp_path: Path, host: dict[str, Any]) -> None:
+    """An engine in a privileged container, without a password on a network of its own, as builds of images have it."""
+    engine = box(1, "dind", NetworkMode="ci", **host)
+    robots = {"r1": Robot(boxes=[box(2, "camera")]), "r2": Robot(boxes=[engine, box(3, "web")])}
+    document, edf, _ = taken(tmp_path / "two", **robots)
+    assert services(edf) == {"camera", "web"}
+    (note,) = [one for one in document["notes"] if "gives its robot away" in one["words"]]
+    assert (note["robot"], note["kind"], note["subject"]) == ("r2", "lost", "container dind")
+    _, edf, _ = taken(tmp_path / "one", r2=robots["r2"])
+    assert services(edf) == {"dind", "web"}
+
+
+@pytest.mark.parametrize("source", ["/run/dbus/system_bus_socket", "/var/run/dbus", "/run/systemd/private"])
+def test_no_robot_reaches_a_container_that_tells_another_one_s_systemd_what_to_run(tmp_path: Path, source: str) -> None:
+    robots = {"r1": Robot(boxes=[box(2, "camera")]), "r2": Robot(boxes=[with_bind(box(1, "bus"), source)])}
+    _, edf, _ = taken(tmp_path / "two", **robots)
+    assert services(edf) == {"camera"}
+
+
 @pytest.mark.parametrize("place", ["/var/run/docker.sock", "/run/podman/podman.sock", "/run/user/1000/docker.sock"])
 def test_a_link_to_an_engine_s_socket_is_known_by_its_place_in_the_container(tmp_path: Path, place: str) -> None:
     """Only the robot knows where `/srv/engine` leads, or that its engine listens there, too."""
@@ -45,9 +72,12 @@ def test_what_is_on_no_overlay_or_has_data_alone_stays(tmp_path: Path) -> None:
         with_bind(box(1, "agent", NetworkMode="host"), "/var/run/docker.sock"),
         with_bind(box(2, "lonely", NetworkMode="none"), "/var/run/docker.sock"),
         with_bind(box(3, "web"), "/srv/data"),
+        box(5, "driver", Devices=[{"PathOnHost": "/dev/ttyUSB0"}], CapAdd=["NET_ADMIN"]),
+        box(7, "camera", Devices=[{"PathOnHost": "/dev/bus/usb"}]),
+        box(6, "drivers", NetworkMode="host", Privileged=True),
     ]
     _, edf, _ = taken(tmp_path / "two", r1=Robot(boxes=boxes), r2=Robot(boxes=[box(4, "db")]))
-    assert services(edf) == {"agent", "lonely", "web", "db"}
+    assert services(edf) == {"agent", "lonely", "web", "driver", "camera", "drivers", "db"}
 
 
 def test_the_report_says_which_containers_are_reached_by_those_of_others(tmp_path: Path) -> None:
