@@ -113,7 +113,7 @@ def _ssh_g(name: str, address: str, given: Mapping[str, Sequence[str]], chosen: 
             code=Code.SSH_CONFIG,
         ) from None
     found: dict[str, list[str]] = {}
-    for line in done.stdout.splitlines():
+    for line in filter(None, done.stdout.split("\n")):  # other ends of lines are parts of values
         key, _, value = line.partition(" ")
         found.setdefault(key, []).append(value)
     # It lists its defaults like settings; a default is not a key that somebody configured.

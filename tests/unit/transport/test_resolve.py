@@ -94,6 +94,8 @@ def test_match_goes_through_ssh(tmp_path: Path) -> None:
     assert not found.identities_configured, "the defaults that ssh -G lists are not a configured key"
     assert resolved(tmp_path, text, user="else").port == 22
     assert resolved(tmp_path, text, user="robot", identity_file="/own").identity_files == ("/own",)
+    odd = resolved(tmp_path, text + "Match all\n  RemoteCommand x\u2028proxycommand touch ran\n", user="robot")
+    assert odd.proxy_command is None, "what ends no line of a file ends none of what ssh -G says"
 
 
 @pytest.mark.skipif(not shutil.which("ssh"), reason="needs openssh-client")
