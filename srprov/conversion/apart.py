@@ -38,7 +38,7 @@ def _things(project: Project) -> None:
     for path, some in normal.parts.items():
         # of a service that is not there, one file may have taken away all
         there = path[0] == "services" or (len(path) == 2 and path[1] in (normal.document.get(str(path[0])) or ()))
-        if there and not _joined(project, path) and (both := _two_apart(project, some)):
+        if there and not joined(project, path) and (both := _two_apart(project, some)):
             words = f"the {_CALLED[str(path[0])]} '{str(path[1])[:60]}' is of {' and '.join(map(_what, both))}"
             project.notes.refused(path, f"{words}, which are apart", _hint(path))
 
@@ -47,7 +47,7 @@ def _settings(project: Project) -> None:
     """An export's words on how services find each other hold for all: each gets variables of them."""
     normal, path = project.notes.normal, (SETTINGS,)
     services = [one for key, some in normal.parts.items() if key[0] == "services" for one in some]
-    if not project.making.network or _joined(project, path):
+    if not project.making.network or joined(project, path):
         return
     if both := _two_apart(project, [*services, *normal.parts.get(path, ())]):
         files = " and ".join(one.at.file for one in both)
@@ -71,7 +71,7 @@ def _hosts(projects: Sequence[Project]) -> None:
         for name in project.document.get("services") or {}:
             entry, path = project.making.services[project.names[name]], ("services", name)
             for host in filter(None, (project.names[name], str(entry.get("hostname") or ""))):
-                others = asked.get(host.lower(), ()) if not _joined(project, path) else ()
+                others = asked.get(host.lower(), ()) if not joined(project, path) else ()
                 far = (one for other, one in others if _took(host, (project, name), (other, one)))
                 if (other := next(far, None)) is not None:
                     words = f"'{host[:60]}', which the service '{other[:60]}' asks, is '{name[:60]}' of a file apart"
@@ -103,7 +103,7 @@ def may_use(project: Project, path: Path, used: Path) -> bool:
     said = [one.at.file for one in normal.parts.get(path, ())] or [normal.position_of(path).file]
     own = normal.position_of(used).file
     strange = [one for one in said if not project.opens(one, own)]
-    if not strange or _joined(project, path):
+    if not strange or joined(project, path):
         return True
     words = f"'{str(path[1])[:60]}' is a {_CALLED[str(path[0])]} of another file, {strange[0]}, of whose folder this"
     project.notes.refused(used, f"{words} one may name nothing", _hint(path))
@@ -147,7 +147,8 @@ def _what(part: Part) -> str:
     return f"{part.at.file}:{part.at.line}" + (f" ({keys[:200]})" if keys else "")
 
 
-def _joined(project: Project, path: Path) -> bool:
+def joined(project: Project, path: Path) -> bool:
+    """Return whether the user says that files have a thing together."""
     return key_of(path) in project.making.choices.joined
 
 
