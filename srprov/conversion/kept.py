@@ -37,6 +37,10 @@ class Row(msgspec.Struct, frozen=True):
     """All keys below it are in the same class."""
 
 
+APART = (Kept.REFUSED, "of files in folders apart, without `--join`")
+"""When what has a name is refused, also where a service lists it."""
+
+
 def exact(path: str, to: str = "", *but: tuple[Kept, str]) -> Row:
     """Write the row of a key that is kept; `to` is left out where the EDF's field has the same name."""
     return Row(path, Kept.EXACT, to or f"`{path.rsplit('.', 1)[-1]}`", but=but)

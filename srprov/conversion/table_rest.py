@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from srprov.conversion.kept import Kept, Row, adapted, dropped, exact, refused
+from srprov.conversion.kept import APART, Kept, Row, adapted, dropped, exact, refused
 
 _B, _Y, _R = "services.*.build", "services.*.deploy", "services.*.deploy.resources"
+_STRANGE = (Kept.REFUSED, "said by a file that may not name the context")
 _BUILDER = "it concerns the builder that Compose uses"
 
 BUILD: tuple[Row, ...] = (
@@ -17,13 +18,14 @@ BUILD: tuple[Row, ...] = (
         "`dockerfile.dockerfile`",
         (Kept.REFUSED, "outside of the files' folders, or missing"),
     ),
-    adapted(f"{_B}.dockerfile_inline", "`dockerfile`", "it is written to a file"),
+    adapted(f"{_B}.dockerfile_inline", "`dockerfile`", "it is written to a file", _STRANGE),
     exact(
         f"{_B}.args",
         "`dockerfile.args`",
         (Kept.DROPPED, "no `ARG` of the Dockerfile takes it, or the caller would give its value"),
+        _STRANGE,
     ),
-    exact(f"{_B}.target", "`dockerfile.target`"),
+    exact(f"{_B}.target", "`dockerfile.target`", _STRANGE),
     exact(f"{_B}.platforms", "`platforms`"),
     *(
         dropped(f"{_B}.{key}", _BUILDER)
@@ -110,7 +112,7 @@ TOP: tuple[Row, ...] = (
         dropped(f"networks.*.{key}", _OVERLAY)
         for key in ("driver_opts", "internal", "enable_ipv4", "enable_ipv6", "attachable", "labels")
     ),
-    exact("volumes", "a bare name in `volumes`"),
+    exact("volumes", "a bare name in `volumes`", APART),
     dropped("volumes.*.name", "a volume is named after its instance", (Kept.EXACT, "")),
     exact("volumes.*.driver", "`local`", (Kept.REFUSED, "any other driver")),
     adapted(
@@ -127,6 +129,7 @@ TOP: tuple[Row, ...] = (
         "`secrets`",
         "a secret's value stays where it is, and is read by plan and apply",
         (Kept.REFUSED, "neither `file` nor `environment`"),
+        APART,
     ),
     dropped("secrets.*.name", "a secret is named as in the files", (Kept.EXACT, "")),
     adapted("secrets.*.file", "`secrets.*.file`", "its value stays in that file"),
@@ -136,7 +139,11 @@ TOP: tuple[Row, ...] = (
     dropped("secrets.*.labels", "only a swarm's secrets have them"),
     *(refused(f"secrets.*.{key}", "only a swarm has it") for key in ("driver", "driver_opts", "template_driver")),
     adapted(
-        "configs", "`volumes`", "a file of the experiment, shipped read-only", (Kept.REFUSED, "no content is here")
+        "configs",
+        "`volumes`",
+        "a file of the experiment, shipped read-only",
+        (Kept.REFUSED, "no content is here"),
+        APART,
     ),
     dropped("configs.*.name", "a file is named as in the files", (Kept.EXACT, "")),
     adapted("configs.*.file", "`volumes`", "it is copied", (Kept.REFUSED, "outside of the files' folders, or missing")),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from srprov.conversion.kept import Kept, Row, adapted, dropped, exact, refused
+from srprov.conversion.kept import APART, Kept, Row, adapted, dropped, exact, refused
 
 _S = "services.*"
 _ANOTHER = "the namespace of another container cannot be joined"
@@ -24,6 +24,7 @@ SERVICE: tuple[Row, ...] = (
         "names are in lower case and have no dots; others are changed",
         (Kept.EXACT, ""),
         (Kept.REFUSED, "there is none"),
+        APART,
     ),
     *(exact(f"{_S}.{key}") for key in SAME if key not in ("image", "logging", "profiles", "security_opt")),
     exact(f"{_S}.image", "", (Kept.DROPPED, "beside `build`: an image that is built is named after its content")),
