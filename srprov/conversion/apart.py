@@ -58,8 +58,8 @@ def _settings(project: Project) -> None:
 def _hosts(projects: Sequence[Project]) -> None:
     """Note a refusal where a host elsewhere that one file's service asks is another one's service, which took its name.
 
-    On the overlay all robots know it by that name. Of several robots' files, as exports write them, only names with a
-    dot count: one of another robot's services is what it says.
+    On the overlay all robots know it by that name. Of several robots' exports a name without a dot does not count: one
+    of another robot's services is what it says there.
     """
     asked = dict[str, list[tuple[Project, str]]]()  # host -> services that ask it
     for project in projects:
@@ -90,7 +90,8 @@ def _took(host: str, one: tuple[Project, str], other: tuple[Project, str]) -> bo
         {home for part in some for home in (normal.homes or {}).get(part.at.file, ())}
         for normal, some in zip((own, far), parts, strict=True)
     ]
-    return "." in host and homes[0] != homes[1]
+    told = "." in host or (SETTINGS,) not in far.parts
+    return told and homes[0] != homes[1]
 
 
 def may_use(project: Project, path: Path, used: Path) -> bool:

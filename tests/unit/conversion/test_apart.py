@@ -261,14 +261,23 @@ def test_no_service_takes_the_name_of_a_host_that_the_users_own_asks(
             Path("new").rename(f"kept-{first}")
 
 
-def test_no_service_of_another_robots_file_takes_such_a_name(theirs: str, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    ("own", "text"),
+    [
+        ("environment: {L: 'http://licence.lab/'}", "services: {t: {image: y, hostname: licence.lab}}"),
+        ("extra_hosts: [vault=192.0.2.5]", "services: {vault: {image: y}}"),
+    ],
+)
+def test_no_service_of_another_robots_file_takes_such_a_name(
+    theirs: str, capsys: pytest.CaptureFixture[str], own: str, text: str
+) -> None:
     """The overlay is that of all robots."""
-    Path("lab/mine.yml").write_text("services: {own: {image: x, environment: {L: 'http://licence.lab/'}}}\n")
+    Path("lab/mine.yml").write_text(f"services: {{own: {{image: x, {own}}}}}\n")
     Path("map").write_text(f"lab/mine.yml: r1\n{theirs}/compose.yml: r2\n")
-    text = "services: {t: {image: y, hostname: licence.lab}}"
+    key = "services.vault" if "vault" in text else "services.t"
     assert importing(theirs, text, "--robot-map", "map") == 5
-    refused(capsys.readouterr(), "services.t")
-    assert importing(theirs, text, "--robot-map", "map", "--join", "services.t") == 0, capsys.readouterr()
+    refused(capsys.readouterr(), key)
+    assert importing(theirs, text, "--robot-map", "map", "--join", key) == 0, capsys.readouterr()
 
 
 def test_no_export_says_how_services_of_another_file_find_each_other(
