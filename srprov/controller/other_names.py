@@ -17,17 +17,41 @@ from srprov.wire import Query
 _FOUND = r"""for f in @/srv/salt @/srv/pillar @/srv/formulas @/srv/reactor @/srv/spm @/srv/tftp @/srv/tftpboot; do
   [ ! -e "$f" ] || readlink -f "$f"
 done
+homes() {
+  while IFS=: read -r _ _ _ _ _ home shell; do
+    case $shell in */nologin | */false) ;; *) [ ! -d "@/$home" ] || printf '%s\n' "@/$home" ;; esac
+  done <@/etc/passwd
+}
+# lines of text files that say something, but for what says where disks are
+lines() {
+  find "$@" -type f -size -2048 -exec grep -hE '^[[:blank:]]*[^#[:blank:]]' {} + |
+  grep -vE '^[[:blank:]]*(Wh(at|ere)|Description|Documentation|(Requires|Wants)MountsFor|(Condition|Assert)[A-Za-z]+)='
+}
+words() { grep -oE "(^|[^A-Za-z0-9._])/(srv|mnt|media|data)(/[A-Za-z0-9._@+-]+)$1" | sed 's#^[^/]*##; s#^//*#/#'; }
 { find @/etc @/opt @/usr/local @/var/lib @/var/opt @/var/spool @/root -xdev -maxdepth 3 -type l -exec stat -c %N {} + |
   sed -n -E "s#.* -> '((\.\./)+|/+)((srv|mnt|media|data)(/[^']*)?)'\$#/\3#p" | head -n 1000
-{ grep -rhE '^(Exec|EnvironmentFile)' @/etc/systemd/system @/lib/systemd/system
-  grep -rhE '^[^#]' @/etc/crontab @/etc/cron.d @/etc/cron.hourly @/etc/cron.daily @/etc/cron.weekly @/var/spool/cron \
-    @/etc/rc.local @/etc/init.d @/etc/udev/rules.d @/etc/ld.so.conf.d @/etc/sudoers.d @/etc/profile.d
-} | grep -oE '(^|[^A-Za-z0-9._])/(srv|mnt|media|data)(/[A-Za-z0-9._@+-]+)+' | sed -n 's/^[^/]*//p' | head -n 1000
+{ lines @/etc -xdev ! -name 'fstab*' ! -name 'auto.*' ! -name exports ! -name updatedb.conf ! -name 'passwd*' |
+    words +
+  { lines @/usr/local/bin @/usr/local/sbin @/usr/local/etc @/var/spool/cron -xdev
+    lines @/etc/systemd @/lib/systemd/system @/usr/lib/systemd/system @/usr/local/lib/systemd @/run/systemd -xdev
+    homes | while IFS= read -r home; do
+      lines "$home" -xdev -maxdepth 1 -name '.*' ! -name '*hist*' ! -name .viminfo
+      lines "$home/.ssh" "$home/.config/systemd" "$home/.config/fish" "$home/bin" "$home/.local/bin" -xdev
+    done
+  } | words '*'
+} | sort -u | head -n 1000 | while IFS= read -r p; do
+  printf '%s\n' "$p"
+  [ ! -e "$p" ] || readlink -f "$p"
+  # what lies beside a program is often a part of it
+  case $p in /*/*/*) [ ! -f "$p" ] || readlink -f "${p%/*}" ;; esac
+done
 } 2>/dev/null
 """
-"""What root's programs find where data are: Salt's folders, links, and what units and the like name.
+"""What root's programs find where data are: Salt's folders, links, and what is named by settings, units, programs of
+the robot's own, and the files by which shells of those who may log in begin, whatever stands around the name.
 
-`@` is where all of that lies: nothing, but for tests.
+No list of the words by which a program is started would ever be whole: all that a line names counts, but where it says
+where a disk is, or a person had typed it. `@` is where all of that lies: nothing, but for tests.
 """
 
 

@@ -65,6 +65,19 @@ def test_a_path_is_what_the_robot_has_there_whatever_its_name(lab: Lab, tmp_path
     assert f"robot1: /srv/people, which 'a' mounts, is, holds or lies in /srv/people/robot: {READ}" in people
 
 
+def test_what_begins_a_shell_of_root_s_or_a_unit_is_no_data(lab: Lab, tmp_path: Path) -> None:
+    """By the workspace that `.bashrc` of root's goes by, a container ran what it wrote there with the next verb."""
+    unit = "[Service]\\nWorkingDirectory=/srv/nav\\nExecStart=/usr/bin/docker compose up\\n"
+    begins = "mkdir -p /srv/nav /srv/ws; touch /srv/ws/setup.bash; echo 'source /srv/ws/setup.bash' >/root/.bashrc"
+    lab.shell("robot1", "sh", "-c", f"{begins}; printf '{unit}' >/etc/systemd/system/nav.service")
+    try:
+        notes = planned(lab, tmp_path, "/srv/nav:/n", "/srv/ws:/w")["notes"]
+    finally:
+        lab.shell("robot1", "sh", "-c", "rm -r /root/.bashrc /etc/systemd/system/nav.service /srv/nav /srv/ws")
+    assert f"robot1: /srv/nav, which 'a' mounts, is, holds or lies in /srv/nav: {WRITTEN}" in notes
+    assert f"robot1: /srv/ws, which 'a' mounts, is, holds or lies in /srv/ws, /srv/ws/setup.bash: {WRITTEN}" in notes
+
+
 def test_what_a_namespace_of_the_robot_reaches_is_said(lab: Lab, tmp_path: Path) -> None:
     """By a connection of ssh's in `/dev/shm` a container was root on another robot, by an engine on 127.0.0.1 here."""
     plan = planned(lab, tmp_path, network="host", ipc="host")

@@ -77,25 +77,52 @@ def test_what_a_robot_uses_counts_whatever_its_name() -> None:
     assert said(DATA, "/data/usr.img", *others) and not said(DATA, "/srv/robots", *others)
 
 
+def found_in(folder: Path, files: dict[str, str], *shell: str) -> list[str]:
+    """Return what a shell finds in a robot with these files."""
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+    asked = [*shell, "-c", places_of_root(str(folder))]
+    return used(subprocess.run(asked, capture_output=True, text=True, check=True).stdout)
+
+
 @pytest.mark.parametrize("shell", [("dash",), ("bash",), ("busybox", "sh")])
 def test_a_shell_says_where_root_s_programs_look_for_data(tmp_path: Path, shell: tuple[str, ...]) -> None:
     """Salt's own folders, links to data, and programs there that units, rules of udev and the like start."""
-    for name, text in {
+    for name, to in {"etc/app": "../data/app", "etc/b/c": "/mnt/it is", "etc/d": "data/no", "opt": "/data/opt"}.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).symlink_to(to)
+    files = {
         "srv/salt/top.sls": "",
         "etc/systemd/system/a.service": "[Service]\nExecStart=-/data/svc/run --x=/mnt/a-b\nDescription=/data/no\n",
         "etc/systemd/system/b.mount": "[Mount]\nWhere=/data\nWhat=/mnt/no\n",
         "etc/cron.d/x": "# /srv/no\n* * * * * root /opt/data/no; /srv/job\n",
         "etc/udev/rules.d/9.rules": 'RUN+="/media/hook"\n',
-    }.items():
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_text(text)
-    for name, to in {"etc/app": "../data/app", "etc/b/c": "/mnt/it is", "etc/d": "data/no", "opt": "/data/opt"}.items():
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).symlink_to(to)
-    asked = [*shell, "-c", places_of_root(str(tmp_path))]
-    out = subprocess.run(asked, capture_output=True, text=True, check=True).stdout
+    }
     named = ("/data/app", "/data/opt", "/data/svc/run", "/media/hook", "/mnt/a-b", "/mnt/it is", "/srv/job")
-    assert used(out) == [*named, f"{tmp_path}/srv/salt"]
+    assert found_in(tmp_path, files, *shell) == [*named, f"{tmp_path}/srv/salt"]
+
+
+@pytest.mark.parametrize("shell", [("dash",), ("bash",), ("busybox", "sh")])
+def test_whatever_settings_and_start_files_name_counts(tmp_path: Path, shell: tuple[str, ...]) -> None:
+    """Where a unit works, its further lines and variables; what begins a shell, a session by SSH, or a path."""
+    files = {
+        "etc/passwd": "root:x:0:0::/root:/bin/bash\nann:x:1:1::/home/ann:/bin/sh\nd:x:2:2::/srv/no:/sbin/nologin\n",
+        "etc/fstab": "/dev/sda1 /mnt/no ext4 defaults 0 0\n",
+        "etc/systemd/system/nav.service": "[Service]\nWorkingDirectory=/data\nExecStart=docker compose up\n",
+        "etc/systemd/system/app.service": "[Service]\nExecStart=/usr/bin/python3 \\\n  /srv/app/main.py\n",
+        "usr/local/lib/systemd/system/c.service": "[Service]\nEnvironment=PYTHONPATH=/srv/lib\n",
+        "usr/local/bin/go": "#!/bin/sh\ncd /srv/go && ./go\n",
+        "etc/environment": 'PATH="/usr/bin:/srv/path"\n',
+        "etc/ssh/sshd_config": "  AuthorizedKeysFile /srv/keys/%u\n",
+        "root/.bashrc": "  # /srv/no\nsource /srv/ws/install/setup.bash\n",
+        "root/.bash_history": "ls /srv/no\n",
+        "home/ann/.profile": ". /mnt/ws/setup.sh\n",
+        "home/ann/.config/systemd/user/u.service": "[Service]\nExecStart=/media/ann/run\n",
+        "home/ann/notes": "/srv/no\n",
+    }
+    named = ["/data", "/media/ann/run", "/mnt/ws/setup.sh", "/srv/app/main.py", "/srv/go", "/srv/keys", "/srv/lib"]
+    assert found_in(tmp_path, files, *shell) == [*named, "/srv/path", "/srv/ws/install/setup.bash"]
 
 
 def test_a_plan_says_so_of_each_robot_of_a_new_container() -> None:
