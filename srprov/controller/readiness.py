@@ -114,7 +114,7 @@ def check_ready(
             "robots are not ready for the new containers:\n" + "\n".join(wrong), hint=hint, code=Code.NO_ROOM
         )
     absent = (f"{line}, unless a playbook makes it" for line in missing)
-    return (*absent, *told(new, replies, snapshot)), leads_of(new, replies)
+    return (*absent, *told(new, replies, snapshot, instance)), leads_of(new, replies)
 
 
 def with_log_drivers(steps: Iterable[Step], snapshot: Snapshot, look: Gathering) -> Snapshot:

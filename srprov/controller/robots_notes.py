@@ -8,6 +8,7 @@ from srprov.assignment.requirements import kernel_fits
 from srprov.controller.device_links import graver_devices, led_to, where_they_lead
 from srprov.controller.other_names import USED, other_names, used
 from srprov.controller.robot_mounts import MOUNTS, Mounts
+from srprov.controller.shared_folders import CONTAINERS, shared
 from srprov.definitions.containermodel import Mount
 from srprov.definitions.model import Service
 from srprov.facts.gather import Gathering
@@ -19,9 +20,9 @@ from srprov.planning.plan import Step
 from srprov.resource import Action
 from srprov.robot_answers import TooManyError
 from srprov.untrusted import text
-from srprov.wire import Query, Reply, quote
+from srprov.wire import AnyQuery, Query, Reply, quote
 
-ASKED = 4
+ASKED = 5
 """Questions of `asked_of`."""
 _RECURSIVE_API, _RECURSIVE_KERNEL = "1.44", "5.12"
 """From Docker 25 and Linux 5.12 on, all that is mounted below a path is read-only with it."""
@@ -34,7 +35,9 @@ Leads = Mapping[str, Mapping[str, str]]
 """Robot -> path that a new container there mounts -> where that leads."""
 
 
-def notes_of_robots(steps: Iterable[Step], snapshot: Snapshot, look: Gathering) -> tuple[tuple[str, ...], Leads]:
+def notes_of_robots(
+    steps: Iterable[Step], snapshot: Snapshot, look: Gathering, instance: str
+) -> tuple[tuple[str, ...], Leads]:
     """Return what robots say of the folders and devices that new containers get, where no EDF says what these are.
 
     Whoever wrote a plan file wrote the notes in it, too. Also returns where the folders lead.
@@ -47,7 +50,7 @@ def notes_of_robots(steps: Iterable[Step], snapshot: Snapshot, look: Gathering) 
             if service and (any(binds(service)) or service.runtime.devices):
                 new.setdefault(step.host, []).append(service)
     replies = look.ask_each({robot: asked_of(services) for robot, services in new.items()})
-    return tuple(told(new, replies, snapshot)), leads_of(new, replies)
+    return tuple(told(new, replies, snapshot, instance)), leads_of(new, replies)
 
 
 def leads_of(new: Mapping[str, Sequence[Service]], replies: Mapping[str, Sequence[Reply]]) -> Leads:
@@ -55,13 +58,13 @@ def leads_of(new: Mapping[str, Sequence[Service]], replies: Mapping[str, Sequenc
     return {robot: _leads(new[robot], said[0]) for robot, said in replies.items()}
 
 
-def asked_of(services: Sequence[Service]) -> tuple[Query, ...]:
+def asked_of(services: Sequence[Service]) -> tuple[AnyQuery, ...]:
     """Return what is asked of the robot of new services."""
-    return (_folders(services), MOUNTS, USED, where_they_lead(services))
+    return (_folders(services), MOUNTS, USED, where_they_lead(services), CONTAINERS)
 
 
 def told(
-    new: Mapping[str, Sequence[Service]], replies: Mapping[str, Sequence[Reply]], snapshot: Snapshot
+    new: Mapping[str, Sequence[Service]], replies: Mapping[str, Sequence[Reply]], snapshot: Snapshot, instance: str
 ) -> Iterator[str]:
     """Yield a line for each folder or device that is more than its name, by the replies to `asked_of`."""
     for robot, said in replies.items():
@@ -70,6 +73,8 @@ def told(
         yield from _still_writable(snapshot.facts[robot], new[robot], said)
     for robot, said in replies.items():
         yield from (f"{robot}: {line}" for line in _otherwise(new[robot], said))
+    for robot, said in replies.items():
+        yield from (f"{robot}: {line}" for line in _of_others(new[robot], said, instance))
     for robot, said in replies.items():
         yield from (f"{robot}: {line}" for line in graver_devices(new[robot], said[3].out))
 
@@ -102,6 +107,14 @@ def _otherwise(services: Sequence[Service], said: Sequence[Reply]) -> Iterator[s
     ]
     if paths:
         yield from other_names(paths, Mounts(said[1].out), used(said[2].out))
+
+
+def _of_others(services: Sequence[Service], said: Sequence[Reply], instance: str) -> Iterator[str]:
+    """Yield a line for each source that containers of others have."""
+    users, written = _users(services), _written(services)
+    leads = _leads(services, said[0]).items()
+    paths = [(f"{one}, which {users[one]} mounts,", one in written, (one, real)) for one, real in leads]
+    yield from shared(paths, said[4], instance)
 
 
 def _still_writable(robot: HostFacts, services: Sequence[Service], said: Sequence[Reply]) -> Iterator[str]:

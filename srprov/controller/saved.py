@@ -156,7 +156,7 @@ def _as_found(
     Raises:
         StalePlan: They say what a file that was written here (`ours`) does not tell.
     """
-    plan, (noted, leads) = saved.plan, notes_of_robots(steps, snapshot, look)
+    plan, (noted, leads) = saved.plan, notes_of_robots(steps, snapshot, look, saved.plan.instance)
     if ours:
         refuse_unnoted(saved, noted)
     else:

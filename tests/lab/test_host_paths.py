@@ -78,6 +78,21 @@ def test_what_begins_a_shell_of_root_s_or_a_unit_is_no_data(lab: Lab, tmp_path: 
     assert f"robot1: /srv/ws, which 'a' mounts, is, holds or lies in /srv/ws, /srv/ws/setup.bash: {WRITTEN}" in notes
 
 
+def test_what_a_container_of_others_has_too_is_said(lab: Lab, tmp_path: Path) -> None:
+    """By a script in a workspace that one with `/etc` runs, a stranger's container wrote to the robot's `/etc`."""
+    lab.shell("robot1", "mkdir", "-p", "/srv/both/ws")
+    own = ["docker", "create", "--name", "others-nav", "-v", "/srv/both/ws:/ws", "-v", "/etc:/e", "busybox:latest"]
+    lab.shell("robot1", *own)
+    try:
+        notes = planned(lab, tmp_path, "/srv/both:/b")["notes"]
+        read = planned(lab, tmp_path, "/srv/both:/b:ro")["notes"]
+    finally:
+        lab.shell("robot1", "sh", "-c", "docker rm others-nav; rm -r /srv/both")
+    said = "robot1: /srv/both, which 'a' mounts, is had by the container others-nav of others: they may run or believe"
+    assert [one for one in notes if one.startswith(said)]
+    assert [one for one in read if one.endswith("the container others-nav of others: what lies there may be theirs")]
+
+
 def test_what_a_namespace_of_the_robot_reaches_is_said(lab: Lab, tmp_path: Path) -> None:
     """By a connection of ssh's in `/dev/shm` a container was root on another robot, by an engine on 127.0.0.1 here."""
     plan = planned(lab, tmp_path, network="host", ipc="host")

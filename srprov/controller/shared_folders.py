@@ -1,0 +1,76 @@
+"""Which other containers of a robot have a folder of a new one: who writes there may say what the other one runs.
+
+A plan says of places of data nothing more, and what lies there is often what another container starts, with its own
+rights and secrets. The robot's engine knows who mounts what. Pure, but for the question.
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_left
+from collections.abc import Collection, Iterable, Iterator, Mapping
+
+from srprov.modules.module import INSTANCE
+from srprov.modules.mount_place import led_of
+from srprov.untrusted import absolute, mapping, mappings, string, string_map, text
+from srprov.wire import EngineQuery, Reply
+
+CONTAINERS = EngineQuery(path="/containers/json", params=(("all", "true"),))
+_MOST_MOUNTS = 1000
+"""Of a container."""
+_MOST_CONTAINERS = 10_000
+
+
+def shared(paths: Iterable[tuple[str, bool, Collection[str]]], reply: Reply, instance: str) -> Iterator[str]:
+    """Yield a sentence for each path that containers of others have, or what holds it, or lies in it.
+
+    Two that only read do not matter to each other.
+
+    Args:
+        paths: What is said of each, whether a new container may write to it, and its names on the robot.
+        reply: What the engine says to `CONTAINERS`.
+        instance: Whose new containers these are: they may run what their own experiment writes.
+    """
+    wanted = list(paths)
+    if wanted and not (reply.ok and isinstance(reply.json(), list)):
+        yield "which other containers have the folders of new ones cannot be told"
+        return
+    users = _users(mappings(reply.json(), most=_MOST_CONTAINERS), instance) if wanted else {}
+    known = sorted(users)
+    for said, written, names in wanted:
+        found = dict[str, bool]()
+        for path in sorted({f"{one.rstrip('/')}/" for one in names}):
+            above = (path[: slash.end()] for slash in re.finditer("/", path))
+            below = known[bisect_left(known, path) : bisect_left(known, f"{path[:-1]}0")]  # "0" follows "/"
+            for one in (*above, *below):
+                _add(found, users.get(one, {}))
+        if some := sorted(name for name, writes in found.items() if written or writes):
+            others = f"{'containers' if len(some) > 1 else 'container'} {', '.join(some)} of others"
+            yield f"{said} {'is had by' if written else 'may be written to by'} the {others}: {_WHY[written]}"
+
+
+_WHY = {True: "they may run or believe what is written there", False: "what lies there may be theirs"}
+
+
+def _users(items: Iterable[object], instance: str) -> dict[str, dict[str, bool]]:
+    """Return path of the robot, with a slash at its end -> containers of others that mount it, and who writes."""
+    users: dict[str, dict[str, bool]] = {}
+    for item in map(mapping, items):
+        labels = string_map(item.get("Labels"))
+        if labels.get(INSTANCE) == instance:
+            continue
+        names = item.get("Names")
+        name = string(names[0]).removeprefix("/") if isinstance(names, list) and names else string(item.get("Id"))[:12]
+        mounts = [one for one in mappings(item.get("Mounts"), most=_MOST_MOUNTS) if one.get("Type") == "bind"]
+        led = led_of({"Mounts": mounts, "Config": {"Labels": labels}})
+        for one in mounts:
+            source = absolute(one.get("Source"))
+            who = {text(name) or "without a name": one.get("RW") is not False}
+            for path in {source, led.get(source, "")} - {""}:
+                _add(users.setdefault(f"{path.rstrip('/')}/", {}), who)
+    return users
+
+
+def _add(found: dict[str, bool], more: Mapping[str, bool]) -> None:
+    for name, writes in more.items():
+        found[name] = found.get(name, False) or writes
