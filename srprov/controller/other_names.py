@@ -65,10 +65,15 @@ USED = Query(
     + r"""while IFS=: read -r _ _ _ _ _ home shell; do
   case $shell in */nologin | */false) ;; *) [ ! -d "$home" ] || readlink -f "$home" ;; esac
 done </etc/passwd
+sed -n -E 's#^([^ ]+ +){7}(/.*)$#\2#p' /proc/net/unix 2>/dev/null | sort -u | head -n 1000 | while IFS= read -r p; do
+  readlink -f "$p"
+done
 { tail -n +2 /proc/swaps | cut -d ' ' -f 1; cat /sys/block/loop*/loop/backing_file; } 2>/dev/null
 :"""
 )
-"""Ask for that, the homes of those who may log in, and the files that the robot swaps to, or has a file system in."""
+"""Ask for that, the homes of those who may log in, sockets, and files that the robot swaps to, or has a file system in.
+
+A socket answers also where nothing can be written."""
 _MOST_LINES = 10_000
 _MOST_NAMED = 4
 

@@ -22,6 +22,8 @@ SHARED = "root may believe what is written to its shared memory, or do what a so
 """`/dev/shm` is a folder, too; ssh keeps connections to other hosts there where it is told so."""
 AS_ROOT = "as good as root on the robot"
 MAY_BE = f"may be {AS_ROOT}"
+WRITTEN = f"{MAY_BE}, where it, or another container, runs or believes what is written there"
+"""Of a place of data that a container may write to: whose programs take what from there no plan knows whole."""
 _CAPABILITIES = frozenset({"ALL", "SYS_ADMIN", "SYS_MODULE", "SYS_RAWIO", "SYS_BOOT", "DAC_READ_SEARCH"})
 _ORDINARY = frozenset(
     {

@@ -25,6 +25,7 @@ from srprov.planning.graver import (
     LISTENERS,
     SHARED,
     TOLD,
+    WRITTEN,
     noted,
     of_capability,
     of_runtime,
@@ -216,7 +217,10 @@ def _paths(run: Runtime, written: Places) -> Iterator[tuple[str, str]]:
             if kind != GRAVE and written(mount.source):
                 kind, why = GRAVE, f"{OTHERS}: a link there leads anywhere"
             made = "made where it is not there" if mount.create_host_path else ""
-            why = f"{AS_ROOT}: {why}".removesuffix(": ") if kind == GRAVE else why
+            if kind == GRAVE:
+                why = f"{AS_ROOT}: {why}".removesuffix(": ")
+            elif not (why or mount.read_only):
+                why = WRITTEN
             notes = [note for note in (_READ_ONLY if mount.read_only else "", made, why) if note]
             yield kind, noted(mount.source, "; ".join(notes))
 

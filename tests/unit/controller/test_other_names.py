@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import socket
 import subprocess
 from pathlib import Path
 
 import pytest
 
-from srprov.controller.other_names import other_names, places_of_root, used
+from srprov.controller.other_names import USED, other_names, places_of_root, used
 from srprov.controller.robot_mounts import Mounts
 from srprov.definitions.containermodel import Mount
 from tests.bounded import bounded
@@ -123,6 +125,21 @@ def test_whatever_settings_and_start_files_name_counts(tmp_path: Path, shell: tu
     }
     named = ["/data", "/media/ann/run", "/mnt/ws/setup.sh", "/srv/app/main.py", "/srv/go", "/srv/keys", "/srv/lib"]
     assert found_in(tmp_path, files, *shell) == [*named, "/srv/path", "/srv/ws/install/setup.bash"]
+
+
+@pytest.mark.parametrize("shell", [("dash",), ("bash",), ("busybox", "sh")])
+def test_a_shell_says_where_sockets_are(tmp_path: Path, shell: tuple[str, ...]) -> None:
+    """Who is behind one answers whoever has its folder, also read-only."""
+    (tmp_path / "data").mkdir()
+    (tmp_path / "link").symlink_to("data")
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind(str(tmp_path / "link" / "ask me.sock"))
+        listening.listen()
+        found = used(subprocess.run([*shell, "-c", USED.command], capture_output=True, text=True, check=True).stdout)
+    real = f"{os.path.realpath(tmp_path)}/data/ask me.sock"
+    assert real in found
+    (line,) = said("", f"/srv/{tmp_path.name}", f"/srv/{tmp_path.name}/ask me.sock", read_only=True)
+    assert "a socket there may do as root what it is told" in line
 
 
 def test_a_plan_says_so_of_each_robot_of_a_new_container() -> None:

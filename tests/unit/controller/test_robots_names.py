@@ -9,6 +9,7 @@ import pytest
 from srprov.definitions.containermodel import Mount
 from srprov.errors import NoAssignment
 from srprov.facts.spelled import MOST_LINES
+from srprov.planning.graver import WRITTEN
 from tests.fakes import World
 from tests.worlds import apply, experiment, plan_for, service
 
@@ -85,7 +86,7 @@ def test_a_home_is_that_of_the_robot_and_the_plan_shows_it() -> None:
     plan = plan_for(world, what)
     asked = {(one.service, one.kind, one.what) for one in plan.permissions if one.service in ("a", "b")}
     written = "/home/robot/data (root may run or believe what is written there)"
-    assert asked == {("a", "host-path", written), ("b", "host-path", "/srv/people/robot")}
+    assert asked == {("a", "host-path", written), ("b", "host-path", f"/srv/people/robot ({WRITTEN})")}
     apply(world, what)
     mounts = world.robots["r1"].engine.containers["srprov.hello.a"].body["HostConfig"]["Mounts"]
     assert "/home/robot/data" in {one["Source"] for one in mounts}

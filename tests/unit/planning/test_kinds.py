@@ -58,8 +58,10 @@ TABLE = {
     "host-pid": Kind(warned=({"pid": "host"}, {"pid": "another"})),
     "host-ipc": Kind(harmless=({"ipc": "shareable"},), warned=({"ipc": "host"},)),
     "host-path": Kind(
-        harmless=(bind("/srv/maps"), bind("/media"), bind("/usr/share", read_only=True)),
+        harmless=(bind("/srv/maps", read_only=True), bind("/usr/share", read_only=True)),
         warned=(
+            bind("/srv/maps"),
+            bind("/media"),
             bind("/opt/x"),
             bind(f"/{LONG}"),
             bind("/srv/.x"),

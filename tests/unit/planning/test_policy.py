@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from srprov.definitions.containermodel import ContainerDefinition, Logging, Mount, Runtime
 from srprov.definitions.model import NetworkSettings
 from srprov.definitions.secretmodel import SecretSource, SecretUse
-from srprov.planning.graver import EVERY_PROCESS, TOLD
+from srprov.planning.graver import EVERY_PROCESS, TOLD, WRITTEN
 from srprov.planning.log_options import ANY_DRIVER, JOURNAL
 from srprov.planning.policy import KINDS, permissions, refused
 from srprov.planning.security_options import PROFILE
@@ -50,7 +50,7 @@ ASKS: list[tuple[dict[str, Any], list[tuple[str, str]]]] = [
     ({"devices": (("/dev/video0", "/dev/b", "rwm"),)}, [("device", "/dev/video0 (rwm)")]),
     ({"device_cgroup_rules": ("c 81:* rmw",)}, [("device", "cgroup rule c 81:* rmw")]),
     ({"gpus": "all"}, [("gpu", "gpus: all")]),
-    ({"mounts": (Mount(kind="bind", source="/srv", target="/r"),)}, [("host-path", "/srv")]),
+    ({"mounts": (Mount(kind="bind", source="/srv", target="/r"),)}, [("host-path", f"/srv ({WRITTEN})")]),
     ({"mounts": (Mount(kind="bind", source="/a", target="/r", read_only=True),)},
      [("host-path", f"/a ({ONLY}; {READ})")]),
     ({"mounts": (Mount(kind="bind", source=SOCKET, target="/r"),)}, [("docker-socket", f"{SOCKET} ({ROOT})")]),
