@@ -13,6 +13,7 @@ from tests.lab.conftest import Done, Lab, busybox, edf, part_of_lab
 pytestmark = pytest.mark.lab
 
 WRITTEN = "root may run or believe what is written there"
+MAY_BE = "may be as good as root on the robot, where it, or another container, runs or believes what is written there"
 READ = "a key there may let somebody in, and a socket there may do as root what it is told"
 
 
@@ -34,7 +35,7 @@ def test_what_a_path_gives_away_is_said_before_it_does(lab: Lab, tmp_path: Path)
     assert said == [
         f"/home/robot/bin ({WRITTEN})",
         f"/root ({only}; {READ})",
-        "/srv/paths",
+        f"/srv/paths ({MAY_BE})",
         f"/tmp/tmux-0 ({only}; {READ})",
     ]
     lab.shell("robot1", "rmdir", "/tmp/tmux-0", "/home/robot/bin", "/srv/paths")
