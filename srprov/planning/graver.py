@@ -3,7 +3,7 @@
 Of each kind what is known to be harmless is a closed list, as no list of the rest would ever be whole: all else may be.
 
 Source: capabilities(7), ptrace(2) ("Ptrace access mode checking"), the kernel's list of devices; runc, `sysctl` of its
-validator.
+validator, and `nsexec.c` on what is dumpable.
 """
 
 from __future__ import annotations
@@ -25,12 +25,15 @@ MAY_BE = f"may be {AS_ROOT}"
 WRITTEN = f"{MAY_BE}, where it, or another container, runs or believes what is written there"
 """Of a place of data that a container may write to: whose programs take what from there no plan knows whole."""
 _CAPABILITIES = frozenset({"ALL", "SYS_ADMIN", "SYS_MODULE", "SYS_RAWIO", "SYS_BOOT", "DAC_READ_SEARCH"})
+TRACING = "SYS_PTRACE"
+TAKES_OVER = f"{AS_ROOT}, unless AppArmor is in force: it takes over what engines start in it, such as health checks"
+"""That has all rights until it runs, inside of the container, which traces whom it sees, also who has more than it."""
 _ORDINARY = frozenset(
     {
         *("AUDIT_WRITE", "CHOWN", "DAC_OVERRIDE", "FOWNER", "FSETID", "KILL", "MKNOD", "NET_BIND_SERVICE", "NET_RAW"),
         *("SETFCAP", "SETGID", "SETPCAP", "SETUID", "SYS_CHROOT"),
         *("BLOCK_SUSPEND", "IPC_LOCK", "IPC_OWNER", "LEASE", "LINUX_IMMUTABLE", "NET_ADMIN", "NET_BROADCAST"),
-        *("SYSLOG", "SYS_NICE", "SYS_PACCT", "SYS_PTRACE", "SYS_RESOURCE", "SYS_TIME", "SYS_TTY_CONFIG", "WAKE_ALARM"),
+        *("SYSLOG", "SYS_NICE", "SYS_PACCT", "SYS_RESOURCE", "SYS_TIME", "SYS_TTY_CONFIG", "WAKE_ALARM"),
     }
 )
 """Docker's own, and those that end at the container's namespaces or at a robot's clock, logs and scheduling.
@@ -86,6 +89,8 @@ def gives_root(note: str) -> bool:
 def of_capability(name: str) -> str:
     """Return why a capability is more than it looks, or nothing."""
     plain = name.removeprefix("CAP_")
+    if plain == TRACING:
+        return TAKES_OVER
     return AS_ROOT if plain in _CAPABILITIES else "" if plain in _ORDINARY else MAY_BE
 
 
