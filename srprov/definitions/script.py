@@ -12,6 +12,7 @@ import time
 
 from srprov import regular_file
 from srprov.codes import Code
+from srprov.definitions import unseen
 from srprov.definitions.groups import HostTree, variables_of
 from srprov.definitions.program import read_both, stop
 from srprov.errors import DefinitionError, Diagnostic, Location
@@ -20,6 +21,7 @@ from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Map, Node, Scalar, Seq, Source
 
 DEADLINE_S = 30.0
+_FIRST_LINE = 4096
 
 
 def is_program(path: str) -> bool:
@@ -34,8 +36,9 @@ def read(path: str, tree: HostTree, deadline_s: float = DEADLINE_S) -> None:
     """Run the program and add everything that it says.
 
     Raises:
-        DefinitionError: It fails, takes too long, or prints no JSON of an inventory's shape.
+        DefinitionError: It shows itself as data; it fails, takes too long, or prints no JSON of an inventory's shape.
     """
+    unseen.check_program(path, regular_file.beginning(path, _FIRST_LINE).split(b"\n")[0].decode(errors="replace"))
     end = time.monotonic() + deadline_s
     root = _answer(path, ["--list"], end)
     meta = root.entries.get("_meta")

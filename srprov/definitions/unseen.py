@@ -1,13 +1,16 @@
 """Text of an inventory that its reader does not see as srprov reads it.
 
-Takes a text; raises. Pure. An inventory may run a program here, so its user looks at it first. A character that ends a
-line to a parser, and to no editor, makes a setting of what stands in a comment; one that moves a terminal's cursor, or
-turns the writing around, hides one; so do blanks, behind which it stands beside the window.
+Takes a text, or the first line of a program; raises. Pure. An inventory may run a program here, so its user looks at it
+first. A character that ends a line to a parser, and to no editor, makes a setting of what stands in a comment; one that
+moves a terminal's cursor, or turns the writing around, hides one; so do blanks, behind which it stands beside the
+window, whatever character shows as one, and empty lines, behind which it stands below it. And a file that shows data
+may be a program by its first line.
 """
 
 from __future__ import annotations
 
 import re
+import unicodedata
 
 from srprov.codes import Code
 from srprov.errors import DefinitionError, Diagnostic, Location
@@ -20,24 +23,66 @@ _UNSEEN = re.compile(
 
 A NUL ends and hides nothing; what is read has none anyway.
 """
-_BESIDE = re.compile(r"[ \t]{100}")
+_BESIDE = re.compile(" {100}")
+_BELOW = 50
+_EMPTY = frozenset("\u115f\u1160\u2800\u3164\uffa0\U00013441\U00013442\U0001d159")
+"""Letters and signs that show nothing; so do all of the kinds in `_KINDS`, or nothing without a letter before them."""
+_KINDS = ("Zs", "Cf", "Cn", "Mn", "Me")
+_TAB, _WIDE = " " * 8, "  "
+_DATA = (".yml", ".yaml", ".json", ".ini", ".cfg", ".toml")
+_FIRST_LINE = re.compile(r"#! ?/[!-~][ -~\t]*\r?")
 
 
 def check(text: str, path: str) -> None:
-    """Refuse a text with such a character, or with a hundred blanks before something.
+    """Refuse a text with such a character, with a hundred blanks before something, or with fifty empty lines.
 
     Raises:
         DefinitionError: It names the place.
     """
     if found := _UNSEEN.search(text):
         before = text[: found.start()]
-        place = Location(path, before.count("\n") + 1, found.start() - before.rfind("\n"))
         shown = found[0].encode("unicode_escape").decode()
         message = f"has the character {shown} here: what stands around it may be read otherwise than it is seen"
         hint = "look at it with `cat -A`; lines end with a line feed, and there is no other such character"
-        raise DefinitionError([Diagnostic(place, message, hint=hint, code=Code.INVENTORY)])
+        raise _refused(path, before.count("\n") + 1, found.start() - before.rfind("\n"), message, hint)
+    empty = 0
     for number, line in enumerate(text.split("\n"), 1):
-        if found := _BESIDE.search(line.rstrip()):
+        if not (seen := _blank(line).rstrip()):
+            empty += 1
+            continue
+        if found := _BESIDE.search(seen):
             message = "has so many blanks that what stands behind them is not seen in many a window"
-            place = Location(path, number, found.start() + 1)
-            raise DefinitionError([Diagnostic(place, message, hint="take them away", code=Code.INVENTORY)])
+            raise _refused(path, number, found.start() + 1, message, "take them away")
+        if empty >= _BELOW:
+            message = "has so many empty lines before it that it is not seen in many a window"
+            raise _refused(path, number, 1, message, "take them away")
+        empty = 0
+
+
+def _blank(line: str) -> str:
+    """Return a line with blanks, as many as it may show, for each tab, and for all else that shows nothing."""
+    for one in () if line.isascii() else set(line) - {" "}:
+        if one in _EMPTY or unicodedata.category(one) in _KINDS:
+            line = line.replace(one, _WIDE)
+    return line.replace("\t", _TAB)
+
+
+def check_program(path: str, first_line: str) -> None:
+    """Refuse a program that its reader takes for data: by its name, or by a first line that does not name what runs it.
+
+    Raises:
+        DefinitionError: It is such a file.
+    """
+    if path.lower().endswith(_DATA):
+        message = "could be run, and begins as a program does, but it is called as a file of data"
+        raise _refused(path, 1, 1, message, "take its first line away, or `chmod -x`; a program has another name")
+    if not first_line.startswith("#!"):
+        return  # a binary, which nobody takes for data
+    check(first_line, path)
+    if not _FIRST_LINE.fullmatch(first_line):
+        message = "could be run, and its first line does not begin with the whole path of what runs it"
+        raise _refused(path, 1, 1, message, "write `#!/path/of/program`; if it is no program, `chmod -x`")
+
+
+def _refused(path: str, line: int, column: int, message: str, hint: str) -> DefinitionError:
+    return DefinitionError([Diagnostic(Location(path, line, column), message, hint=hint, code=Code.INVENTORY)])

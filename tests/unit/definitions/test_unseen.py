@@ -1,0 +1,95 @@
+"""What an inventory holds is seen by who looks at it first: nothing beside a window, and no program as data."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from srprov.definitions import load_inventory
+from srprov.errors import DefinitionError
+from tests.bounded import bounded
+
+
+@pytest.mark.parametrize("blank", list("\u00a0\u1680\u2003\u200b\u2800\u3000\u3164\ufeff\ufe0f\U000e0100\t"))
+@pytest.mark.parametrize("between", [300, 50])
+def test_nothing_stands_beside_the_window_behind_any_blanks(tmp_path: Path, blank: str, between: int) -> None:
+    gap = blank * between if blank != "\t" else " " + "\t" * (between // 3)
+    file = tmp_path / "hosts.yml"
+    option = f"-o ServerAliveInterval=30{gap} -o ProxyCommand=id"
+    file.write_text(f"all:\n  hosts:\n    robot1:\n      ansible_ssh_common_args: '{option}'\n")
+    with pytest.raises(DefinitionError) as caught:
+        load_inventory([file])
+    assert "so many blanks" in caught.value.problems[0].message
+    assert caught.value.problems[0].location.line == 4
+
+
+@pytest.mark.parametrize("mark", list("\u0300\u200d\ufe0f\u2065\U00013441"))
+def test_nothing_between_blanks_that_shows_nothing_ends_them(tmp_path: Path, mark: str) -> None:
+    gap = ("\u00a0" * 30 + mark) * 6
+    file = tmp_path / "hosts.ini"
+    file.write_text(f"robot1 ansible_ssh_common_args='-o ServerAliveInterval=30{gap} -o ProxyCommand=id'\n")
+    with pytest.raises(DefinitionError) as caught:
+        load_inventory([file])
+    assert "so many blanks" in caught.value.problems[0].message
+
+
+def test_letters_with_marks_are_no_blanks(tmp_path: Path) -> None:
+    file = tmp_path / "hosts.yml"
+    letters = "a\u0301e\u0308\u00a0" * 200 + "\u0939\u093f\u0928\u094d" * 200
+    file.write_text(f"# {letters}\nall: {{hosts: {{robot1: }}}}\n")
+    assert load_inventory([file]).hosts
+
+
+@pytest.mark.parametrize("empty", ["\n", "  \n", "\r\n", "\u3000\n", "\t\n"])
+def test_nothing_stands_below_the_window(tmp_path: Path, empty: str) -> None:
+    file = tmp_path / "hosts.ini"
+    text = "robot1 ansible_host=10.0.0.1\n{}[all:vars]\nansible_ssh_common_args=-o ProxyCommand=id\n"
+    file.write_text(text.format("\n" * 40))
+    assert load_inventory([file]).hosts["robot1"].ssh_options
+    file.write_text(text.format(empty * 60))
+    with pytest.raises(DefinitionError) as caught:
+        load_inventory([file])
+    assert "so many empty lines" in caught.value.problems[0].message
+    assert caught.value.problems[0].location.line == 62
+    file.write_text("robot1\n" + "\n" * 100_000)  # nothing stands behind them
+    assert bounded(lambda: len(load_inventory([file]).hosts)) == 1
+    file.write_text("robot1\n" + ("\n" * 49 + "# more\n") * 5000)
+    assert bounded(lambda: len(load_inventory([file]).hosts)) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "first"),
+    [
+        ("hosts.yml", "#!/bin/sh"),
+        ("hosts.json", "#!/bin/sh"),
+        ("hosts.INI", "#!/bin/sh"),
+        ("hosts", f"#!{' ' * 150}/bin/sh"),
+        ("hosts", "#!robots of the lab, which work in the folder that holds them"),
+        ("hosts", "#! ./robots"),
+        ("hosts", "#!  /bin/sh"),
+        ("hosts", "#!\t/bin/sh"),
+        ("hosts", "#!/bin/sh\u00a0"),
+        ("hosts", f"#!/usr/bin/env{' ' * 120}-S sh"),
+    ],
+)
+def test_no_program_shows_itself_as_data(
+    tmp_path: Path, name: str, first: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    ran = tmp_path / "ran"
+    (tmp_path / "robots").write_text(f"#!/bin/sh\ntouch {ran}\n")
+    (tmp_path / "robots").chmod(0o755)
+    (tmp_path / name).write_text(f"{first}\ntouch {ran}\n")
+    (tmp_path / name).chmod(0o755)
+    with pytest.raises(DefinitionError):
+        load_inventory([tmp_path / name])
+    assert not ran.exists()
+
+
+def test_a_program_that_shows_itself_as_one_is_run(tmp_path: Path) -> None:
+    for number, first in enumerate(("#!/bin/sh", "#! /bin/sh -e", "#!/usr/bin/env sh")):
+        path = tmp_path / f"inventory{number}"
+        path.write_text(f'{first}\necho \'{{"all": {{"hosts": ["r1"]}}}}\'\n')
+        path.chmod(0o755)
+        assert list(load_inventory([path]).hosts) == ["r1"]
