@@ -214,7 +214,7 @@ def _read_variables(folder: str, tree: HostTree, unnamed: str) -> None:
 def _variables(folder: str, name: str, tree: HostTree, unnamed: str) -> Variables:
     """Read a host's or group's file, or every file of its folder; one that is wholly a vault says nothing to us."""
     found: Variables = {}
-    if "/" in name or name.startswith("."):  # hidden files are not read, as below: nobody sees that they are there
+    if not name or "/" in name or name[0] == "." or name[-1] == "~":  # hidden, by `.yml` too, as below: nobody sees it
         return found
     for suffix in ("", ".yml", ".yaml", ".json"):
         path = os.path.join(folder, name + suffix)

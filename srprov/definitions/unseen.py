@@ -34,11 +34,14 @@ _FIRST_LINE = re.compile(r"#! ?/[!-~][ -~\t]*\r?")
 
 
 def check(text: str, path: str) -> None:
-    """Refuse a text with such a character, with a hundred blanks before something, or with fifty empty lines.
+    """Refuse a text with such a character, a hundred blanks before something, or fifty empty lines, or without a name.
 
     Raises:
         DefinitionError: It names the place.
     """
+    if any(stem and not _blank(stem).strip() for stem in (part.split(".")[0] for part in path.split("/"))):
+        message = "is a file, or lies in a folder, whose name shows nothing"
+        raise _refused(path, 1, 1, message, "look at the folder with `ls -b | cat -A`, and give it a name")
     if found := _UNSEEN.search(text):
         before = text[: found.start()]
         shown = found[0].encode("unicode_escape").decode()

@@ -335,8 +335,18 @@ def test_nothing_stands_beside_the_window(tmp_path: Path, name: str, text: str) 
 
 
 def test_no_hidden_file_of_variables_is_read(tmp_path: Path) -> None:
-    (tmp_path / "hosts.yml").write_text("all: {children: {.arms: {hosts: {robot1: }}, arms: {hosts: {robot1: }}}}\n")
-    for name in (".arms.yml", ".arms/a.yml", "arms/.a.yml", "arms/.b/a.yml"):
+    (tmp_path / "hosts.yml").write_text("all: {children: {.arms: &r {hosts: {robot1: }}, arms: *r, '': *r, a~: *r}}\n")
+    for name in (
+        ".arms.yml",
+        ".arms/a.yml",
+        "arms/.a.yml",
+        "arms/.b/a.yml",
+        ".yml",
+        ".json",
+        "more.yml",
+        "a~",
+        "a~.yml",
+    ):
         place = tmp_path / "group_vars" / name
         place.parent.mkdir(parents=True, exist_ok=True)
         place.write_text("ansible_ssh_common_args: -o ProxyCommand=id\n")

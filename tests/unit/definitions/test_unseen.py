@@ -93,3 +93,17 @@ def test_a_program_that_shows_itself_as_one_is_run(tmp_path: Path) -> None:
         path.write_text(f'{first}\necho \'{{"all": {{"hosts": ["r1"]}}}}\'\n')
         path.chmod(0o755)
         assert list(load_inventory([path]).hosts) == ["r1"]
+
+
+@pytest.mark.parametrize("name", ["\u2800", "\u00a0.yml", "\u3164", " "])
+def test_no_file_without_a_name_that_is_seen_is_read(tmp_path: Path, name: str) -> None:
+    (tmp_path / "lab").mkdir()
+    (tmp_path / "lab" / "hosts").write_text("robot1\n")
+    for place in (tmp_path / "lab" / name, tmp_path / "lab/host_vars/robot1" / name):
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_text("all: {vars: {a: b}}\n" if name.endswith("yml") else "robot2\n")
+        with pytest.raises(DefinitionError) as caught:
+            load_inventory([tmp_path / "lab"])
+        assert "shows nothing" in caught.value.problems[0].message
+        place.unlink()
+    assert list(load_inventory([tmp_path / "lab"]).hosts) == ["robot1"]
