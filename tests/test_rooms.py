@@ -132,7 +132,9 @@ ROOMS: Mapping[str, Room] = {
     # Files of other tools -> experiments: reads what strangers wrote, and reaches no robot.
     "importing": room("codes errors private regular_file untrusted image_reference linear_regex yamldoc definitions"),
     # A Compose project in its normal form -> the folder of an experiment.
-    "conversion": room("believed codes errors names private published regular_file yamldoc definitions importing"),
+    "conversion": room(
+        "believed codes errors names private published regular_file tree_links yamldoc definitions importing"
+    ),
     # Compose files of an experiment: as values, but for the one file that writes them into a folder.
     "exporting": room("believed codes errors plain_tar tree_links definitions facts.model images network yamldoc"),
     # Images as files of strangers: nothing is opened, nothing of them is run.

@@ -28,7 +28,9 @@ from srprov.definitions.model import VERSION_CONTROL
 from srprov.definitions.repository_names import WHY, repository_among
 from srprov.definitions.version_control import ELSEWHERE, has_further_names, is_from_elsewhere, names_in
 from srprov.errors import Diagnostic, UsageError
+from srprov.importing.compose.source import HINT
 from srprov.importing.normal import Refused
+from srprov.tree_links import leaving
 from srprov.yamldoc import writer
 
 EDF = "experiment.edf"
@@ -105,6 +107,7 @@ def _fill(draft: Draft, place: str, passed_over: tuple[str, ...], files: Sequenc
             which = error.filename or source
             hint = "leave it out, or make it an image's; of a hard link make a copy"
             raise UsageError(f"cannot copy {which}: {error.strerror}", hint=hint, code=Code.NO_FILE) from error
+    copying.check_links()
     for below, text in draft.texts.items():
         tree.write(below, text.encode("utf-8", "replace"))
     names = ", ".join(os.path.basename(one) for one in files)
@@ -130,6 +133,9 @@ class _Copying:
         self.folders = folders
         """Of the files that are imported, and of those that they include."""
         self.names = functools.cache(names_in)
+        self.links: dict[str, str] = {}
+        self.homes: dict[str, str] = {}
+        """Where a folder of the files is in the tree -> a link that lies in it, as it is called here."""
         self.bytes = 0
         self.files = 0
 
@@ -156,9 +162,33 @@ class _Copying:
     def _entry(self, source: str, place: str) -> None:
         about = os.lstat(source)
         if stat.S_ISLNK(about.st_mode):
-            self.tree.link(place, os.readlink(source))
+            self.links[place] = os.readlink(source)
+            above = os.path.dirname(source)
+            home = os.path.relpath(self._own_folder(source), above)
+            self.homes.setdefault(os.path.normpath(os.path.join(os.path.dirname(place), home)), source)
+            self.tree.link(place, self.links[place])
         else:
             self.take(source, place)
+
+    def check_links(self) -> None:
+        """Refuse a link out of the innermost folder of a file, where there are several: to what another one names.
+
+        No container goes that way, but who copies what is written by scp or zip has the file there, and ships it.
+
+        Raises:
+            UsageError: There is one.
+        """
+        for home, known in sorted(self.homes.items()) if len(self.folders) > 1 else ():
+            top = f"{home}/"
+            below = {place.removeprefix(top): one for place, one in self.links.items() if place.startswith(top)}
+            try:
+                out = leaving(below)
+            except ValueError as error:
+                raise UsageError(f"nothing is written: {known}: {error}", code=Code.OUTSIDE) from None
+            if out:
+                words = f"the link {top}{out} leads out of the folder of the file that has it copied"
+                hint = HINT.replace("it there", "what it leads to there", 1)
+                raise UsageError(f"nothing is written: {words}", hint=hint, code=Code.OUTSIDE)
 
     def _file(self, source: str, place: str) -> None:
         self.files += 1

@@ -302,3 +302,23 @@ def test_what_is_joined_is_named_by_its_key(theirs: str, capsys: pytest.CaptureF
     """A service's name alone would join a secret of that name, too."""
     assert importing(theirs, "services: {t: {image: x}}", "--join", word) != 0
     assert f"--join {word}: is the key of nothing" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("target", ["{away}/maps/hall", "l/../{away}/maps", "{there}/lab/maps"])
+def test_no_link_of_one_file_s_folder_leads_to_what_another_one_has_copied(
+    theirs: str, capsys: pytest.CaptureFixture[str], target: str
+) -> None:
+    """Who copied the experiment, or an export, by scp or zip had the user's file in what the stranger's mounts."""
+    away, ctx = os.path.relpath("lab", f"{theirs}/ctx"), Path(theirs, "ctx")
+    ctx.mkdir()
+    ctx.joinpath("l").symlink_to(".")
+    ctx.joinpath("floor").symlink_to(target.format(away=away, there="../" * len(ctx.parts) + "files"))
+    Path("lab/mine.yml").write_text("services: {own: {image: x, volumes: ['./maps:/m:ro']}}\n")
+    text = "services: {t: {image: x, volumes: ['./%s/ctx:/c:ro']}}"
+    for first in (False, True):
+        here = "." if first else os.path.relpath(theirs, "lab")
+        assert importing(theirs, text % here, first=first) != 0
+        assert "leads out of the folder" in capsys.readouterr().err and not Path("new").exists()
+    ctx.joinpath("floor").unlink()
+    ctx.joinpath("floor").symlink_to("l/../compose.yml")
+    assert importing(theirs, text % ".", first=True) == 0, capsys.readouterr()
