@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from shlex import quote
 
-from srprov.conversion import names_used
 from srprov.conversion.project import Project
 from srprov.importing.compose.parts import KINDS, SETTINGS
 from srprov.importing.normal import Note, Part
@@ -56,42 +55,62 @@ def _settings(project: Project) -> None:
 
 
 def _hosts(projects: Sequence[Project]) -> None:
-    """Note a refusal where a host elsewhere that one file's service asks is another one's service, which took its name.
+    """Note a refusal where a service may take the name of a host elsewhere that another file's service asks.
 
-    On the overlay all robots know it by that name. Of several robots' exports a name without a dot does not count: one
-    of another robot's services is what it says there.
+    On the overlay all robots know it by that name. One with a dot may stand in any file that a service is given. One
+    without counts where `extra_hosts` has it; but not of several robots' exports, where it is another robot's service.
     """
-    asked = dict[str, list[tuple[Project, str]]]()  # host -> services that ask it
+    asked = dict[str, list[tuple[Project, str]]]()  # host -> services whose `extra_hosts` have it
     for project in projects:
         for name, given in (project.document.get("services") or {}).items():
-            said = {str(one).partition("=")[0] for one in given.get("extra_hosts") or ()}
-            for host in {*said, *(word for word in names_used.words(given) if "." in word)}:
+            for host in {str(one).partition("=")[0] for one in given.get("extra_hosts") or ()}:
                 asked.setdefault(host.lower(), []).append((project, name))
     for project in projects:
         for name in project.document.get("services") or {}:
             entry, path = project.making.services[project.names[name]], ("services", name)
             for host in filter(None, (project.names[name], str(entry.get("hostname") or ""))):
                 others = asked.get(host.lower(), ()) if not joined(project, path) else ()
-                far = (one for other, one in others if _took(host, (project, name), (other, one)))
-                if (other := next(far, None)) is not None:
-                    words = f"'{host[:60]}', which the service '{other[:60]}' asks, is '{name[:60]}' of a file apart"
+                far = next((one for other, one in others if _took(host, (project, name), (other, one))), None)
+                if far is not None:
+                    words = f"'{host[:60]}', which the service '{far[:60]}' asks, is '{name[:60]}' of a file apart"
                     project.notes.refused(path, words, _hint(path))
+                elif "." in host and not joined(project, path) and (file := _apart_from(project, path, projects)):
+                    words = f"'{host[:60]}', of '{name[:60]}', may be a host elsewhere for services of {file}"
+                    project.notes.refused(path, f"{words}, which is apart", _hint(path))
 
 
 def _took(host: str, one: tuple[Project, str], other: tuple[Project, str]) -> bool:
     """Return whether two services are of files that are apart, each in its robot's project."""
-    own, far = (project.notes.normal for project, _ in (one, other))
-    parts = [
-        normal.parts.get(("services", name), ()) for normal, (_, name) in zip((own, far), (one, other), strict=True)
-    ]
-    if one[0] is other[0]:
-        return _two_apart(one[0], (*parts[0], *parts[1])) is not None
-    homes = [
-        {home for part in some for home in (normal.homes or {}).get(part.at.file, ())}
-        for normal, some in zip((own, far), parts, strict=True)
-    ]
-    told = "." in host or (SETTINGS,) not in far.parts
-    return told and homes[0] != homes[1]
+    (project, name), (asking, far) = one, other
+    if project is asking:
+        parts = project.notes.normal.parts
+        return _two_apart(project, (*parts.get(("services", name), ()), *parts.get(("services", far), ()))) is not None
+    told = "." in host or (SETTINGS,) not in asking.notes.normal.parts
+    return told and _homes(project, _files(project, name)) != _homes(asking, _files(asking, far))
+
+
+def _apart_from(project: Project, path: Path, projects: Sequence[Project]) -> str:
+    """Return a file with services that is apart from those that say something of one; empty if there is none."""
+    own = _files(project, str(path[1]))
+    for other in projects:
+        every = {one.at.file for key, some in other.notes.normal.parts.items() if key[0] == "services" for one in some}
+        for file in sorted(every):
+            is_one = (
+                any(project.are_apart(file, one) for one in own)
+                if other is project
+                else _homes(other, {file}) != _homes(project, own)
+            )
+            if is_one:
+                return file
+    return ""
+
+
+def _files(project: Project, service: str) -> set[str]:
+    return {one.at.file for one in project.notes.normal.parts.get(("services", service), ())}
+
+
+def _homes(project: Project, files: Iterable[str]) -> set[str]:
+    return {home for file in files for home in (project.notes.normal.homes or {}).get(file, ())}
 
 
 def may_use(project: Project, path: Path, used: Path) -> bool:

@@ -261,6 +261,17 @@ def test_no_service_takes_the_name_of_a_host_that_the_users_own_asks(
             Path("new").rename(f"kept-{first}")
 
 
+@pytest.mark.parametrize("text", [TAKEN[0], TAKEN[4]])
+def test_no_service_takes_such_a_name_that_stands_in_a_file_alone(
+    theirs: str, capsys: pytest.CaptureFixture[str], text: str
+) -> None:
+    Path("lab/app.conf").write_text("server = http://licence.lab/\n")
+    Path("lab/mine.yml").write_text("services: {own: {image: x, volumes: ['./app.conf:/app.conf:ro']}}\n")
+    assert importing(theirs, text, first=False) == 5
+    refused(capsys.readouterr(), "services.t")
+    assert importing(theirs, text, "--join", "services.t", first=False) == 0
+
+
 @pytest.mark.parametrize(
     ("own", "text"),
     [

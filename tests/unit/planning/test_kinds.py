@@ -77,7 +77,18 @@ TABLE = {
     ),
     "capability": Kind(
         harmless=each("cap_add", "NET_ADMIN", "CAP_SYS_NICE"),
-        warned=each("cap_add", "SYS_ADMIN", "SYS_PTRACE", "CAP_SYS_PTRACE", "BPF", "CAP_CAP_SYS_NICE", "sys_nice", "X"),
+        warned=each(
+            "cap_add",
+            "SYS_ADMIN",
+            "SYS_PTRACE",
+            "CAP_SYS_PTRACE",
+            "BPF",
+            "SYS_TIME",
+            "SYSLOG",
+            "CAP_CAP_SYS_NICE",
+            "sys_nice",
+            "X",
+        ),
     ),
     "sysctl": Kind(
         harmless=tuple(

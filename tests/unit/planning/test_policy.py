@@ -244,7 +244,7 @@ def test_what_is_as_good_as_root_is_said(run: dict[str, Any]) -> None:
 @pytest.mark.parametrize(
     "run",
     [
-        {"cap_add": ("NET_ADMIN", "SYS_NICE", "SYS_TIME")},
+        {"cap_add": ("NET_ADMIN", "SYS_NICE", "IPC_LOCK")},
         *({"devices": ((f"/dev/{name}", "/dev/x", "rwm"),)} for name in PARTS_OF_ROBOTS),
         {"device_cgroup_rules": ("c 81:* rmw", "c 188:* rw", "c 0226:1 r")},
     ],
