@@ -197,7 +197,8 @@ def _unknown(settings: SshSettings, kind: str, blob: bytes, authority: bool) -> 
         how = f"connect to it once with ssh, which asks: {sh('ssh', *alias, settings.name)}"
     else:
         port = ("-p", str(settings.port)) if settings.port != 22 else ()
-        how = f"{sh('ssh-keyscan', *port, '-t', _short(kind), settings.hostname)} >> {sh(target)}"
+        hashed = () if stands_plain(settings, names_of(settings)[0]) else ("-H",)
+        how = f"{sh('ssh-keyscan', *hashed, *port, '-t', _short(kind), settings.hostname)} >> {sh(target)}"
     if target == os.devnull:
         how = f"name a file (-o UserKnownHostsFile=…) in the inventory; then {how.replace(os.devnull, 'that file')}"
     notes = f" ({unfit})" if unfit else ""

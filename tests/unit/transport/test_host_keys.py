@@ -114,6 +114,9 @@ def test_hints_fit_how_the_robot_is_reached(tmp_path: Path) -> None:
     assert "ssh -o 'HostKeyAlias=[bot.lan]:2222' r1" in hint(proxy_jump=("gate",), port=2222)
     assert "name a file" in hint(known_hosts=("/dev/null",))
     assert "ssh_host_ecdsa_key.pub" in hint()
+    # by an inventory's word no name stands in a file that somebody may run, by whomever it is written
+    assert "ssh-keyscan -H -t ecdsa Bot.lan" in hint(inherited=NAMED)
+    assert "ssh-keyscan -t ecdsa 10.0.0.7" in hint(inherited=NAMED, hostname="10.0.0.7")
 
 
 def test_accept_new_hashes_names_when_asked(tmp_path: Path) -> None:
