@@ -69,7 +69,7 @@ def _context_place(context: str, project: Project, path: Path) -> str:
     place = project.place(context, path)
     if place and os.path.isdir(project.path(context)):
         return place
-    what, hint = "lies outside of the folder of the file that says so", project.elsewhere
+    what, hint = project.outside(context, path), project.elsewhere
     if place:
         what, hint = "is no folder", "copy it beside the Compose file"
     project.notes.refused(path, f"'{context[:80]}' {what}", hint)
@@ -108,7 +108,7 @@ def _text(
     source = project.path(os.path.join(context, named))
     place = project.take(source, (*path, "dockerfile"))
     if not place:
-        why = f"'{named[:80]}' lies outside of the folder of the file that says so"
+        why = f"'{named[:80]}' {project.outside(os.path.join(context, named), (*path, 'dockerfile'))}"
         project.notes.refused((*path, "dockerfile"), why, project.elsewhere)
         return None
     found["dockerfile"] = os.path.relpath(place, found["context"])

@@ -110,7 +110,7 @@ def _shipped(entry: Mapping[str, Any], name: str, path: Path, project: Project) 
         return ""
     place = project.place(source, (*path, "file"))
     if not place or not os.path.exists(project.path(source)):
-        what, hint = "lies outside of the folder of the file that says so", project.elsewhere
+        what, hint = project.outside(source, (*path, "file")), project.elsewhere
         if place:
             what, hint = "does not exist", ""
         project.notes.refused((*path, "file"), f"'{source[:80]}' {what}", hint)

@@ -141,7 +141,7 @@ def _bind(
     if source.startswith("/"):
         return _absolute(source, one, project, path)
     if not project.place(source, at):
-        why = f"'{source[:80]}' lies outside of the folder of the file that says so"
+        why = f"'{source[:80]}' {project.outside(source, at)}"
         project.notes.refused(path, why, project.elsewhere)
         return None
     if one.get("read_only") or os.path.isfile(project.path(source)):

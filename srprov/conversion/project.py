@@ -116,6 +116,14 @@ class Project:
         """The hint for what lies outside of the folder of the file that says so."""
         return "copy it there" if self.notes.normal.homes is None else HINT
 
+    def outside(self, source: str, at: Path) -> str:
+        """Return what is said of a path that `place` does not have: where it leads, if not from beside its file."""
+        path, file = self.path(source), self.notes.normal.position_of(at).file
+        beside = os.path.normpath(os.path.join(os.path.realpath(os.path.dirname(file)), source))
+        is_moved = self.notes.normal.homes is not None and path != beside
+        led = f"is {path[:200]}, as paths begin at the folder of the first file; that " if is_moved else ""
+        return f"{led}lies outside of the folder of the file that says so"
+
     @property
     def base(self) -> str:
         """The folder that the paths of copies are relative to."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -211,6 +212,30 @@ def test_of_a_folder_below_a_file_names_nothing_further_up_either(
     assert "stranger/compose.yml:1" in said and "lies outside of the folder of the file that says so" in said
     (together / "compose.yml").write_text("services: {a: {image: x}}\n")
     assert run(["import", "compose", "base.yml", "stranger/compose.yml", "-o", "new"]) == 0, capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("services: {a: {image: x, volumes: ['..:/w']}}", ".."),
+        ("services: {a: {build: ..}}", ".."),
+        ("services: {a: {image: x, configs: [c]}}\nconfigs: {c: {file: ../c}}", "../c"),
+    ],
+)
+def test_a_path_that_begins_elsewhere_than_it_looks_is_shown_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], text: str, named: str
+) -> None:
+    """To who reads `.devcontainer/compose.yml`, `..` is the project, and to Compose what is around that."""
+    (tmp_path / "project" / ".devcontainer").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "project")
+    Path("compose.yml").write_text("services: {b: {image: x}}\n")
+    Path(".devcontainer/compose.yml").write_text(f"{text}\n")
+    files = ["compose.yml", ".devcontainer/compose.yml"]
+    assert run(["import", "compose", *files, "--root", ".", "-o", "new"]) == 5
+    where = os.path.normpath(tmp_path / "project" / named)
+    assert f"'{named}' is {where}, as paths begin at the folder of the first file" in capsys.readouterr().out
+    assert run(["import", "compose", files[1], "-o", "new"]) == 5
+    assert f"'{named}' lies outside" in capsys.readouterr().out
 
 
 def test_a_file_is_known_by_what_it_is_and_not_by_how_it_is_called(
