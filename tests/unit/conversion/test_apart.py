@@ -291,6 +291,22 @@ def test_no_service_of_another_robots_file_takes_such_a_name(
     assert importing(theirs, text, "--robot-map", "map", "--join", key) == 0, capsys.readouterr()
 
 
+def test_files_of_one_folder_and_exports_of_several_robots_ask_each_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    asks, asked = "services: {own: {image: x, extra_hosts: ['t=10.0.0.9']}}\n", "services: {t: {image: y}}\n"
+    exported = "x-srprov: {discovery: ros1, discovery_servers: [t], told: {}}\n"
+    for number, (folders, more) in enumerate([(("lab", "lab"), ""), (("one", "two"), exported), (("one", "two"), "")]):
+        files = [f"{folder}/{name}.yml" for folder, name in zip(folders, "ab", strict=True)]
+        for file, text in zip(files, (asks, asked), strict=True):
+            Path(file).parent.mkdir(exist_ok=True)
+            Path(file).write_text(f"{text}{more}")
+        Path("map").write_text("".join(f"{file}: r{at}\n" for at, file in enumerate(files)))
+        code = run(["import", "compose", *files, "--robot-map", "map", "-o", f"new{number}"])
+        assert code == (5 if number == 2 else 0), capsys.readouterr()
+
+
 def test_no_export_says_how_services_of_another_file_find_each_other(
     theirs: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

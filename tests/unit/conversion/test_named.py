@@ -238,6 +238,22 @@ def test_a_path_that_begins_elsewhere_than_it_looks_is_shown_whole(
     assert f"'{named}' lies outside" in capsys.readouterr().out
 
 
+def test_no_file_of_variables_is_read_by_a_link_out_of_a_folder_of_another_file(
+    together: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The user's own file may name both; where the link leads is the word of who wrote what lies in that folder."""
+    (together / "compose.yml").write_text("services: {a: {image: x}}\n")
+    (together / "own.env").write_text("A=1\n")
+    Path("vars.env").write_text(f"B={CANARY}\n")
+    text = "services: {own: {image: x, env_file: ./stranger/linked.env}}\ninclude: [./stranger/compose.yml]\n"
+    Path("base.yml").write_text(text)
+    for target, code in (("../vars.env", 5), ("own.env", 0)):
+        (together / "linked.env").unlink(missing_ok=True)
+        (together / "linked.env").symlink_to(target)
+        assert run(["import", "compose", "base.yml", "-o", "new"]) == code, capsys.readouterr()
+    assert CANARY not in Path("new/experiment.edf").read_text()
+
+
 def test_a_file_is_known_by_what_it_is_and_not_by_how_it_is_called(
     together: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

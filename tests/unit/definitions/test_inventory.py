@@ -282,7 +282,7 @@ def test_a_nul_in_what_is_read_is_a_problem(tmp_path: Path, key: str, value: str
 
 
 ENDS = ("\r", "\x0b", "\x0c", "\x1c", "\x1d", "\x1e", "\x85", "\u2028", "\u2029")
-OTHERS = ("\x08", "\x1b[1A\x1b[2K", "\x9b2K", "\u202e", "\u2066")
+OTHERS = ("\x08", "\u061c", "\U000e0041", "\x1b[1A\x1b[2K", "\x9b2K", "\u202e", "\u2066")
 
 
 @pytest.mark.parametrize("hidden", [*ENDS, *OTHERS])
