@@ -17,7 +17,7 @@ from msgspec.structs import replace
 from srprov.modules.mount_kind import GRAVE, TELLS_SYSTEMD, mount_kind, plain
 from srprov.names import few
 from srprov.planning.graver import AS_ROOT, EVERY_PROCESS, gives_root, of_capability, of_device, of_rule
-from srprov.planning.security_options import of_security
+from srprov.planning.security_options import of_option
 from srprov.snapshot.folder import Robot
 
 _OFF = ("host", "none")
@@ -68,4 +68,4 @@ def _notes(fields: Mapping[str, Any]) -> Iterator[str]:
     yield from map(of_capability, fields.get("cap_add", ()))
     yield from (of_device(plain(one.partition(":")[0])) for one in fields.get("devices", ()))
     yield from map(of_rule, fields.get("device_cgroup_rules", ()))
-    yield from (what for _, what in of_security(fields.get("security_opt", ())))
+    yield from map(of_option, fields.get("security_opt", ()))

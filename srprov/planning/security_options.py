@@ -31,6 +31,11 @@ _UNCONFINED = re.compile(r"seccomp[=:]unconfined")
 def of_security(options: Iterable[str]) -> Iterator[tuple[str, str]]:
     """Yield kind and words of what options ask for; of a profile, which may be long, first why it is grave."""
     for option in options:
-        why = "" if _ORDINARY.fullmatch(option) else UNCONFINED if _UNCONFINED.fullmatch(option) else MAY_BE
-        why = PROFILE if why == MAY_BE and _PROFILE.match(option) else why
+        why = of_option(option)
         yield "security-opt", f"{why}: {option}" if why else option
+
+
+def of_option(option: str) -> str:
+    """Return why an option is more than it looks, or nothing; no word of the option's own is in it."""
+    why = "" if _ORDINARY.fullmatch(option) else UNCONFINED if _UNCONFINED.fullmatch(option) else MAY_BE
+    return PROFILE if why == MAY_BE and _PROFILE.match(option) else why

@@ -39,6 +39,7 @@ def test_no_robot_reaches_a_container_that_has_another_one_s_engine(tmp_path: Pa
     {"Devices": [{"PathOnHost": "/dev/sda", "PathInContainer": "/dev/disk"}]},
     {"DeviceCgroupRules": ["b *:* rwm"]},
     {"SecurityOpt": ['seccomp={"defaultAction":"SCMP_ACT_ERRNO"}']},
+    {"SecurityOpt": ['seccomp={"comment":"may be as good as root on the robot"}']},
 ])  # fmt: skip
 def test_no_robot_reaches_a_container_that_is_as_good_as_root_on_another(tmp_path: Path, host: dict[str, Any]) -> None:
     """An engine in a privileged container, without a password on a network of its own, as builds of images have it."""
