@@ -15,6 +15,7 @@ from srprov.conversion import apart
 from srprov.conversion.kept import Kept
 from srprov.conversion.project import WRITTEN, Project
 from srprov.definitions import dockerfile
+from srprov.definitions.model import NO_REGISTRY
 from srprov.importing.position import Path
 
 _ADDRESSES = ("git@", "github.com/", "service:")
@@ -30,7 +31,9 @@ def cdf(given: Mapping[str, Any], service: str, project: Project, at: Path) -> s
     platforms = [str(one) for one in build.get("platforms") or ()] or list(filter(None, [given.get("platform")]))
     if platforms:
         definition["platforms"] = platforms
-    if given.get("image"):
+    if str(given.get("image", "")).startswith(f"{NO_REGISTRY}/"):
+        project.notes.exact((*at, "image"))  # as exports call what they have built
+    elif given.get("image"):
         project.notes.dropped((*at, "image"), "an image that is built is named after its content")
     for name, known in project.making.cdfs.items():
         if known == definition:

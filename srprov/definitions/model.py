@@ -51,8 +51,9 @@ def repository_in(parts: Sequence[str], *, folder: bool, first: int = 0) -> int 
     return next((at for at in every if makes_repository(parts[at], folder=folder or at < every[-1])), None)
 
 
-EXPORTED = "srprov-"
-"""What stands before an experiment's name where it is exported: as `nav`, it would be given what others call so."""
+EXPORTED, NO_REGISTRY = "srprov-", "srprov.invalid"
+"""What stands before an experiment's name where it is exported: as `nav`, it would be given what others call so. And
+where images come from that are built then: a name that nobody can have, RFC 6761."""
 
 
 class Host(msgspec.Struct, frozen=True, kw_only=True):

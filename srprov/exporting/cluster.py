@@ -16,7 +16,7 @@ import msgspec
 from msgspec.structs import replace
 
 from srprov.definitions.containermodel import Mount, Runtime
-from srprov.definitions.model import Experiment, Service
+from srprov.definitions.model import NO_REGISTRY, Experiment, Service
 from srprov.exporting.images import Built
 from srprov.exporting.model import ADAPTED, REFUSED, File, Machine, Path, Remark
 from srprov.exporting.wanted import Wanted
@@ -26,8 +26,6 @@ from srprov.network.model import Overlay
 
 _PLAIN = Runtime()
 _TAG_LENGTH = 32
-NO_REGISTRY = "srprov.invalid"
-"""Where images that are built come from: a name that nobody can have, RFC 6761."""
 
 
 class Shipped(msgspec.Struct, frozen=True, kw_only=True):
@@ -114,7 +112,7 @@ def image_names(experiment: Experiment, built: Mapping[str, Built]) -> dict[str,
     """Return CDF's key -> the name of its image, which changes with the content of its folder.
 
     Its registry is none, so that a node without the image fails: as `NAME/…` it would take what somebody of that name
-    has on Docker Hub.
+    has on Docker Hub. What the experiment is called ends at a `/`, so no other one has an image of such a name.
     """
     return {key: f"{NO_REGISTRY}/{experiment.name}/{one.name}:{_hash(one.files)}" for key, one in built.items()}
 

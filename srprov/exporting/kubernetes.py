@@ -15,7 +15,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from srprov.codes import Code
-from srprov.definitions.model import Experiment, Service
+from srprov.definitions.model import NO_REGISTRY, Experiment, Service
 from srprov.errors import DefinitionError, Diagnostic
 from srprov.exporting import cluster
 from srprov.exporting.images import built
@@ -215,7 +215,7 @@ def _start(done: Export, namespace: str, used: Collection[str]) -> Iterator[str]
     yield ""
     if used:
         yield f"Build the images with `./{BUILD}`, and give them to the nodes that run them: push them to a registry"
-        yield f"that the nodes know, with its name instead of `{cluster.NO_REGISTRY}` here and in the manifests;"
+        yield f"that the nodes know, with its name instead of `{NO_REGISTRY}` here and in the manifests;"
         yield "or load them into a node:"
         yield from ("", "    docker save IMAGE | ssh NODE ctr -n k8s.io images import -", "")
     yield "Then"

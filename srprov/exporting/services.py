@@ -39,6 +39,8 @@ class Surroundings(msgspec.Struct, frozen=True, kw_only=True):
     images: Mapping[str, str]
     """Service of an image CDF -> the image, as CDFs say it."""
     built: Mapping[str, Built]
+    tags: Mapping[str, str]
+    """CDF's key -> the name of its image, of those that are built."""
     open: Open
     env_files: Mapping[str, Mapping[str, str]]
     """Service in the EDF -> what its env_files say."""
@@ -86,7 +88,8 @@ class Surroundings(msgspec.Struct, frozen=True, kw_only=True):
         platforms = self.platforms.get(service.cdf, ())
         only = {"platform": platforms[0]} if len(platforms) == 1 else {}
         args = {"args": list(one.variables)} if one.variables else {}
-        return {"build": {"context": f"./build/{one.name}", **args}, **only}
+        # Compose's own name, PROJECT-SERVICE, is that of another project and service with the '-' elsewhere, too
+        return {"image": self.tags[service.cdf], "build": {"context": f"./build/{one.name}", **args}, **only}
 
     def _environment(self, service: Service, more: Mapping[str, str]) -> tuple[dict[str, str | None], str]:
         """Return `environment`, and the text of the env_file: what the EDF's files say, as far as it still holds."""

@@ -159,3 +159,21 @@ def test_what_is_built_shipped_seeded_and_secret_is_there_with_compose_alone(
     wait_until(lambda: log_of(lab, "robot1", "srprov-rich-ask-1")[-len(lines) :] == lines, 20, "all of it is there")
     web = lab.inspect("robot1", "srprov-rich-web-1")
     assert web["Config"]["Hostname"] == "web"
+
+
+def test_an_exported_experiment_runs_no_image_that_another_one_built(lab: Lab, compose: str, tmp_path: Path) -> None:
+    """A stranger's `nav` had a service `planner-db`; the user's `nav-planner` ran that image as its `db`."""
+    for name, service in (("nav", "planner-db"), ("nav-planner", "db")):
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / "a.cdf").write_text(f"cdf: 1\nbase: busybox\nrun: echo {name} >/made-by\ncommand: cat /made-by\n")
+        (folder / "a.edf").write_text(f"edf: 1\nname: {name}\nservices: {{{service}: {{cdf: a.cdf}}}}\n")
+        done = lab.srprov("export", "compose", str(folder / "a.edf"), "-o", str(tmp_path / "out" / name))
+        assert done.code == 0, done
+    place = _root(lab, "robot1") / "root" / "compose" / "both"
+    shutil.copytree(tmp_path / "out", place)
+    lab.shell("robot1", "docker", "pull", "-q", "busybox")
+    for name, orders in (("nav", "up -d && sleep 1 && {0} down -t 1"), ("nav-planner", "up -d && sleep 1")):
+        lab.shell("robot1", "sh", "-c", f"cd /root/compose/both/{name} && {compose} {orders.format(compose)}")
+    assert log_of(lab, "robot1", "srprov-nav-planner-db-1") == ["nav-planner"]
+    lab.shell("robot1", "sh", "-c", f"cd /root/compose/both/nav-planner && {compose} down -t 1 --rmi all")

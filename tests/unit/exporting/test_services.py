@@ -105,7 +105,20 @@ def test_nothing_that_compose_knows_by_another_projects_name_is_given_to_it(tmp_
     )
     written = document(made)
     assert (written["name"], written["volumes"]) == ("srprov-demo", {"data": {}})
-    assert written["services"]["a"]["build"] == {"context": "./build/a"} and "image" not in written["services"]["a"]
+    assert written["services"]["a"]["build"] == {"context": "./build/a"}
+
+
+def test_no_project_has_the_image_of_another_experiment_s_service(tmp_path: Path) -> None:
+    """Compose's own name of both was `srprov-nav-planner-db`: it built none for the second, and ran the first one's."""
+    images = []
+    for name, service in (("nav", "planner-db"), ("nav-planner", "db")):
+        (tmp_path / name).mkdir()
+        text = f"services: {{{service}: {{cdf: db.cdf}}}}"
+        edf = experiment(tmp_path / name, text, db_dot_cdf=f"cdf: 1\nbase: x\nrun: echo {name}\n")
+        edf.write_text(edf.read_text().replace("name: demo", f"name: {name}"))
+        images.append(document(twin(edf))["services"][service]["image"].rpartition(":"))
+    assert [one[0] for one in images] == ["srprov.invalid/nav/db", "srprov.invalid/nav-planner/db"]
+    assert len({one[2] for one in images}) == 2  # another state of an experiment is built anew, too
 
 
 def test_only_what_is_not_the_default_is_written(tmp_path: Path) -> None:
