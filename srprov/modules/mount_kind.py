@@ -41,12 +41,15 @@ is in `~/bin`; nor is what lies below /tmp, where tmux and agents of keys have s
 runs as root what is in its folders below /srv, and robots boot what is served there.
 """
 _PUBLIC = re.compile(
-    r"/(?:usr|lib[^/]*|s?bin|opt/ros)(?:/.*)?|/sys/(?:block|bus|class|dev|devices|module)(?:/.*)?"
+    r"/(?:usr/(?:local/)?(?:lib[^/]*|s?bin|games|include|share)|usr/local/cuda[^/]*|lib[^/]*|s?bin|opt/ros)(?:/.*)?"
+    r"|/sys/(?:block|bus|class|dev|devices|module)(?:/.*)?"
     r"|/etc/(?:localtime|timezone|hostname|hosts|machine-id|os-release|passwd|group)",
     re.DOTALL,
 )
 """What everybody may read, and where nobody listens. A closed list, too: elsewhere may be keys, or sockets.
 
+Not all of /usr is: what is built from source has settings, keys, pipes and sockets in /usr/local/etc, /usr/local/var
+or a folder of its own there. A pipe takes what is written to it also where nothing else can be.
 Not all of /sys is: below it is mounted what the kernel shows root alone, such as the keys that are typed."""
 _BELIEVED = "root may run or believe what is written there"
 _READ = "a key there may let somebody in, and a socket there may do as root what it is told"

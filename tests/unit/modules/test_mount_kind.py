@@ -252,6 +252,7 @@ def test_where_data_are_nothing_is_said(path: str, *, read_only: bool) -> None:
     [
         *("/var/run/acpid.socket", "/tmp/tmux-0", "/tmp/tmux-1000/default", "/tmp", "/home/lab/.gnupg", "/root"),
         *("/root/.ssh", "/home/lab/.ssh/id_ed25519", "/etc", "/etc/ssh", "/etc/shadow", "/srv/robot/.ssh", "/never"),
+        *("/usr", "/usr/local", "/usr/local/etc", "/usr/local/var/run", "/usr/local/vpn", "/usr/src", "/usr//local"),
     ],
 )
 def test_what_is_mounted_read_only_may_hold_keys_and_sockets(path: str) -> None:
@@ -269,7 +270,11 @@ def test_what_the_kernel_tells_root_alone_is_said(path: str) -> None:
 
 @pytest.mark.parametrize(
     "path",
-    ["/etc/localtime", "/usr/share/zoneinfo", "/lib/modules", "/sys/class/gpio", "/sys/devices", "/opt/ros/humble"],
+    [
+        *("/etc/localtime", "/usr/share/zoneinfo", "/lib/modules", "/sys/class/gpio", "/sys/devices"),
+        "/opt/ros/humble",
+        *("/usr/bin", "/usr/lib/x86_64-linux-gnu", "/usr/libexec/x", "/usr/local/lib", "/usr/local/cuda-12.2/lib64"),
+    ],
 )
 def test_of_what_everybody_may_read_nothing_is_said(path: str) -> None:
     assert mount_kind(path, read_only=True) == ("host-path", "")
