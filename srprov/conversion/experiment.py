@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from srprov.codes import Code
-from srprov.conversion import apart, names_used, services
+from srprov.conversion import apart, apart_names, names_used, services
 from srprov.conversion.kept import Kept
 from srprov.conversion.notes import Finding, Notes
 from srprov.conversion.project import Choices, Machine, Making, Project, service_name
@@ -87,6 +87,7 @@ def convert(
         _healthchecks(project)
         _top(project)
     apart.refuse(projects)
+    apart_names.refuse(projects)
     findings = [one for project in projects for one in project.notes.finished()]
     return Draft(
         edf=_edf(making),

@@ -33,13 +33,13 @@ def hostnames(project: Project) -> dict[str, str]:
     services: Mapping[str, Mapping[str, Any]] = project.document.get("services") or {}
     used_words = {name: words(given) for name, given in services.items()}
     uses = Counter(word for some in used_words.values() for word in some)
-    links = _links(services)
+    all_links = links(services)
     found: dict[str, str] = {}
     for name, given in services.items():
         at = ("services", name)
         used = {
             alias: path
-            for alias, path in _names(name, project, links.get(name, ()))
+            for alias, path in further(name, project, all_links.get(name, ()))
             if uses[alias] > (alias in used_words[name]) and alias != project.names[name]
         }
         own = str(given.get("hostname") or "")
@@ -50,10 +50,8 @@ def hostnames(project: Project) -> dict[str, str]:
         for alias, path in used.items():
             project.notes.adapted(path, f"others use the name '{alias}': it is the service's 'hostname'")
         if len({*used, *filter(None, [own])}) > 1:
-            further = next(alias for alias in used if alias != own)
-            project.notes.refused(
-                used[further], f"'{further}' is used by other services, beside another name", _FURTHER
-            )
+            more = next(alias for alias in used if alias != own)
+            project.notes.refused(used[more], f"'{more}' is used by other services, beside another name", _FURTHER)
         chosen = own or next(iter(used), "")
         why = _not_possible(chosen, name, given, project, {*found.values()})
         if chosen and why and used:
@@ -89,7 +87,7 @@ def replicas(given: Mapping[str, Any]) -> int:
     return 1 if wanted is None else int(wanted)
 
 
-def _links(services: Mapping[str, Mapping[str, Any]]) -> dict[str, list[tuple[str, Path]]]:
+def links(services: Mapping[str, Mapping[str, Any]]) -> dict[str, list[tuple[str, Path]]]:
     """Return service -> the names by which others link to it, each with its place."""
     found: dict[str, list[tuple[str, Path]]] = {}
     for other, entry in services.items():
@@ -100,8 +98,8 @@ def _links(services: Mapping[str, Mapping[str, Any]]) -> dict[str, list[tuple[st
     return found
 
 
-def _names(name: str, project: Project, links: Iterable[tuple[str, Path]]) -> Iterator[tuple[str, Path]]:
-    """Yield the further names that Compose gives a service, each with its place; `links` are those of others."""
+def further(name: str, project: Project, linked: Iterable[tuple[str, Path]]) -> Iterator[tuple[str, Path]]:
+    """Yield the further names that Compose gives a service, each with its place; `linked` are those of links."""
     services: Mapping[str, Mapping[str, Any]] = project.document.get("services") or {}
     given, at = services[name], ("services", name)
     if not on_overlay(given):
@@ -119,7 +117,7 @@ def _names(name: str, project: Project, links: Iterable[tuple[str, Path]]) -> It
         for alias in (settings or {}).get("aliases") or ():
             if alias != name:
                 yield str(alias), (*at, "networks", network, "aliases")
-    yield from links
+    yield from linked
 
 
 def _addresses(name: str, given: Mapping[str, Any], project: Project, words: Collection[str]) -> None:

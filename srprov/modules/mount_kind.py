@@ -49,8 +49,7 @@ _PUBLIC = re.compile(
 """What everybody may read, and where nobody listens. A closed list, too: elsewhere may be keys, or sockets.
 
 Not all of /usr is: what is built from source has settings, keys, pipes and sockets in /usr/local/etc, /usr/local/var
-or a folder of its own there. A pipe takes what is written to it also where nothing else can be.
-Not all of /sys is: below it is mounted what the kernel shows root alone, such as the keys that are typed."""
+or a folder of its own there. Not all of /sys is: below it is mounted what the kernel shows root alone, such as the keys that are typed."""
 _BELIEVED = "root may run or believe what is written there"
 _READ = "a key there may let somebody in, and a socket there may do as root what it is told"
 _KERNELS = "what the kernel tells root alone is below it, such as keys of radios, and what is typed at the robot"
@@ -87,6 +86,11 @@ def mount_kind(source: str, *, read_only: bool = False) -> tuple[str, str]:
     if path == _MOUNTED_IN:
         return "host-path", f"{_MOUNTS}; {_BELIEVED}"
     return "host-path", "" if _DATA.fullmatch(path) else gives_away(read_only=False)
+
+
+def holds_data(source: str) -> bool:
+    """Return whether a path of the robot is a place of data, by its name."""
+    return bool(_DATA.fullmatch(plain(source)))
 
 
 def gives_away(*, read_only: bool) -> str:

@@ -24,6 +24,8 @@ AS_ROOT = "as good as root on the robot"
 MAY_BE = f"may be {AS_ROOT}"
 WRITTEN = f"{MAY_BE}, where it, or another container, runs or believes what is written there"
 """Of a place of data that a container may write to: whose programs take what from there no plan knows whole."""
+READ = f"{MAY_BE}, where a program has a pipe or a socket there, or somebody a key"
+"""Of one that is only read: a pipe takes what is written to it, also where nothing else can be."""
 _CAPABILITIES = frozenset({"ALL", "SYS_ADMIN", "SYS_MODULE", "SYS_RAWIO", "SYS_BOOT", "DAC_READ_SEARCH"})
 TRACING = "SYS_PTRACE"
 TAKES_OVER = f"{AS_ROOT}, unless AppArmor is in force: it takes over what engines start in it, such as health checks"

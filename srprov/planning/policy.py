@@ -16,13 +16,14 @@ from srprov.definitions.containermodel import ContainerDefinition, Port, Runtime
 from srprov.definitions.model import Experiment, NetworkSettings, Service
 from srprov.errors import RefusedError
 from srprov.image_reference import parse_reference
-from srprov.modules.mount_kind import GRAVE, below, mount_kind, written_by
+from srprov.modules.mount_kind import GRAVE, below, holds_data, mount_kind, written_by
 from srprov.network.identity import is_for_overlays
 from srprov.planning.graver import (
     AS_ROOT,
     ELSEWHERE,
     EVERY_PROCESS,
     LISTENERS,
+    READ,
     SHARED,
     TOLD,
     WRITTEN,
@@ -219,8 +220,8 @@ def _paths(run: Runtime, written: Places) -> Iterator[tuple[str, str]]:
             made = "made where it is not there" if mount.create_host_path else ""
             if kind == GRAVE:
                 why = f"{AS_ROOT}: {why}".removesuffix(": ")
-            elif not (why or mount.read_only):
-                why = WRITTEN
+            elif not why and (not mount.read_only or holds_data(mount.source)):
+                why = READ if mount.read_only else WRITTEN
             notes = [note for note in (_READ_ONLY if mount.read_only else "", made, why) if note]
             yield kind, noted(mount.source, "; ".join(notes))
 

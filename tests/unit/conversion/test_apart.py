@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
+import yaml
 
 from srprov.cli.main import run
 from srprov.conversion import table
@@ -305,6 +306,54 @@ def test_files_of_one_folder_and_exports_of_several_robots_ask_each_other(
         Path("map").write_text("".join(f"{file}: r{at}\n" for at, file in enumerate(files)))
         code = run(["import", "compose", *files, "--robot-map", "map", "-o", f"new{number}"])
         assert code == (5 if number == 2 else 0), capsys.readouterr()
+
+
+CALLED = [
+    ("services: {db: {image: x}}", "services: {DB: {image: y}}", ""),
+    ("services: {db: {image: x}}", "services: {t: {image: y, hostname: db}}", ""),
+    ("services: {db: {image: x}}", "services: {t: {image: y, container_name: Db}}", ""),
+    ("services: {db: {image: x}}", "services: {t: {image: y, networks: {default: {aliases: [db]}}}}", ""),
+    ("services: {db: {image: x}}", "services: {t: {image: y}, u: {image: y, links: ['t:db']}}", ""),
+    ("services: {db: {image: x, hostname: vault}}", "services: {vault: {image: y}}", ""),
+    ("services: {db: {image: x, container_name: vault}}", "services: {vault: {image: y}}", ""),
+    (
+        "services: {a: {image: x}, db: {image: x, networks: {default: {aliases: [vault]}}}}",
+        "services: {vault: {image: y}}",
+        "",
+    ),
+    (
+        "services: {a: {image: x, extra_hosts: [v.lab=10.9.9.9]}}",
+        "services: {t: {image: y, hostname: v.lab, scale: 2}}",
+        "",
+    ),
+    (
+        "services: {a: {image: x, extra_hosts: [v.lab=10.9.9.9]}}",
+        "services: {t: {image: y, hostname: v.lab, network_mode: host}}",
+        "",
+    ),
+    ("services: {db: {image: x}}", "services: {db: {image: y}}", "map"),
+    ("services: {db: {image: x}}", "services: {t: {image: y, hostname: db}}", "map"),
+]
+
+
+@pytest.mark.parametrize(("mine", "text", "how"), CALLED)
+def test_no_service_has_a_name_of_one_of_a_file_apart(
+    theirs: str, capsys: pytest.CaptureFixture[str], mine: str, text: str, how: str
+) -> None:
+    """Who asks by it may do so in a file that nobody reads: then the stranger's container was told the password."""
+    Path("lab/mine.yml").write_text(f"{mine}\n")
+    Path("map").write_text(f"lab/mine.yml: r1\n{theirs}/compose.yml: r2\n")
+    words = ["--robot-map", "map"] if how else []
+    for first in (True, False):
+        assert importing(theirs, text, *words, first=first) == 5
+        assert "which is apart" in capsys.readouterr().out and not Path("new").exists()
+    both = (
+        f"services.{next(iter(yaml.safe_load(mine)['services']))}",
+        *(f"services.{one}" for one in yaml.safe_load(text)["services"]),
+    )
+    joins = [word for one in dict.fromkeys((*both, "services.db")) for word in ("--join", one)]
+    importing(theirs, text, *words, *joins)
+    assert "which is apart" not in capsys.readouterr().out
 
 
 def test_no_export_says_how_services_of_another_file_find_each_other(

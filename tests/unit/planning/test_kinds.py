@@ -58,9 +58,10 @@ TABLE = {
     "host-pid": Kind(warned=({"pid": "host"}, {"pid": "another"})),
     "host-ipc": Kind(harmless=({"ipc": "shareable"},), warned=({"ipc": "host"},)),
     "host-path": Kind(
-        harmless=(bind("/srv/maps", read_only=True), bind("/usr/share", read_only=True)),
+        harmless=(bind("/opt/ros", read_only=True), bind("/usr/share", read_only=True)),
         warned=(
             bind("/srv/maps"),
+            bind("/srv/maps", read_only=True),
             bind("/media"),
             bind("/opt/x"),
             bind(f"/{LONG}"),
