@@ -49,8 +49,7 @@ _PUBLIC = re.compile(
 """What everybody may read, and where nobody listens. A closed list, too: elsewhere may be keys, or sockets.
 
 Not all of /usr is: what is built from source has settings, keys, pipes and sockets in /usr/local/etc, /usr/local/var
-or a folder of its own there. Not all of /sys is: below it is what the kernel shows root alone, as keys that are typed.
-"""
+or a folder of its own there. Not all of /sys is: below it is what the kernel shows root alone, as what is typed."""
 _BELIEVED = "root may run or believe what is written there"
 _READ = "a key there may let somebody in, and a socket there may do as root what it is told"
 _KERNELS = "what the kernel tells root alone is below it, such as keys of radios, and what is typed at the robot"
