@@ -105,7 +105,7 @@ def _again(
     wanted: TrialsRequest, manner: Manner,
 ) -> int:  # fmt: skip
     """Run the trials; without an inventory of the user's, on a lab. Return the exit code."""
-    from srprov.controller.owners import note_bundle
+    from srprov.controller.owners import note_brought, note_bundle
     from srprov.controller.source import read_definitions
     from srprov.evidence import replay as evidence
 
@@ -113,7 +113,7 @@ def _again(
     folder = wanted.folder.parent / "experiment"
     if ours is not None:
         evidence.mapped(ours, again.robots, asked)  # before anything is written
-    evidence.unpack(bundle, folder)
+    evidence.unpack(bundle, folder, lambda: note_brought(str(folder), bundle.digest))  # also when it is refused below
     definitions = read_definitions(str(folder / again.edf), request.allowed, request.profiles)
     check_wanted(definitions, wanted)
     name, edf = request.instance or definitions.experiment.name, definitions.experiment.file

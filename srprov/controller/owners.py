@@ -128,16 +128,28 @@ def with_bundle(source: str, owner: Owner | None) -> str:
 def note_bundle(instance: str, edf: str, bundle: str, folder: str = "") -> None:
     """Write down which bundle brought an EDF: what was made of another one's, by the same path, is not this one's.
 
-    So it is with every path below `folder`, all of which the bundle brought: it may have further EDFs there. One that
-    comes back has what was made of it.
+    So it is with every path below `folder`, as `note_brought` says.
 
     Raises:
         UsageError: It cannot be written.
     """
     path = os.path.realpath(edf)
-    top = os.path.realpath(folder or edf)
-    there = [one for one in every_owner() if Path(one.edf).is_relative_to(top) and _is_of(one, source_of(one.edf))]
-    for one in there:
+    note_brought(folder or edf, bundle)
+    if (instance, path) not in {(one.instance, one.edf) for one in _below(folder or edf)}:
+        token, source = secrets.token_hex(16), source_of(path) + _of_bundle(bundle)
+        keep(Owner(instance=instance, edf=path, source=source, token=token, bundle=bundle))
+
+
+def note_brought(folder: str, bundle: str) -> None:
+    """Write down of every EDF below a folder, or at a path, of which an owner is known that a bundle brought it.
+
+    A bundle may have further EDFs than the one that is run, and lie there when it is refused: so this comes before its
+    first file. One that comes back has what was made of it.
+
+    Raises:
+        UsageError: It cannot be written.
+    """
+    for one in _below(folder):
         if one.bundle != bundle:
             earlier = {**one.earlier, one.bundle: Had(one.token, one.adopted, one.places)}
             had = earlier.pop(bundle, Had(secrets.token_hex(16), frozenset(), {}))
@@ -145,9 +157,12 @@ def note_bundle(instance: str, edf: str, bundle: str, folder: str = "") -> None:
                 instance=one.instance, edf=one.edf, source=source_of(one.edf) + _of_bundle(bundle), bundle=bundle,
                 token=had.token, adopted=had.adopted, places=had.places, earlier=earlier,
             ))  # fmt: skip
-    if (instance, path) not in {(one.instance, one.edf) for one in there}:
-        token, source = secrets.token_hex(16), source_of(path) + _of_bundle(bundle)
-        keep(Owner(instance=instance, edf=path, source=source, token=token, bundle=bundle))
+
+
+def _below(folder: str) -> list[Owner]:
+    """Return the owners of what is at a path, or below it."""
+    top = os.path.realpath(folder)
+    return [one for one in every_owner() if Path(one.edf).is_relative_to(top) and _is_of(one, source_of(one.edf))]
 
 
 def owners_of(instance: str, source: str) -> tuple[Owner, ...]:

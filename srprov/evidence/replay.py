@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -106,8 +106,10 @@ def _needed(told: Story, robot: str, facts: Mapping[str, Any]) -> Needed:
     return Needed(tags=tuple(sorted(tags)), devices=tuple(sorted(devices)), arch=arch)
 
 
-def unpack(bundle: Bundle, folder: Path) -> None:
+def unpack(bundle: Bundle, folder: Path, first: Callable[[], None] = lambda: None) -> None:
     """Write the definitions of a bundle's last session into a folder, which is new, or has just them already.
+
+    Before the first of them is written, `first` is called; it is not where nothing is.
 
     Raises:
         UsageError: It holds no run, or something else is in the folder, or that cannot be written.
@@ -124,7 +126,7 @@ def unpack(bundle: Bundle, folder: Path) -> None:
         contents = {folder / name.removeprefix(home): content(files, name) for name in names}
         absent = {folder / one for one in data_sets(files, told.home)}
     try:
-        _fill(folder, contents, absent)
+        _fill(folder, contents, absent, first)
         alone = not bundle.signed or all(map(believed.is_closed, {folder, *(one.parent for one in contents)}))
     except OSError as error:
         why = f"{error.filename or folder}: {error.strerror or error}"
@@ -133,7 +135,9 @@ def unpack(bundle: Bundle, folder: Path) -> None:
         raise _others(folder, "what was signed could be replaced, or added to, there")
 
 
-def _fill(folder: Path, contents: Mapping[Path, bytes], absent: Collection[Path]) -> None:
+def _fill(
+    folder: Path, contents: Mapping[Path, bytes], absent: Collection[Path], first: Callable[[], None]
+) -> None:  # fmt: skip
     """Write files into a folder that has none; it is the same folder from its first file to its last."""
     if folder.is_symlink():
         raise _in_the_way(folder)
@@ -147,6 +151,7 @@ def _fill(folder: Path, contents: Mapping[Path, bytes], absent: Collection[Path]
             raise _in_the_way(folder)
         if others_may_write(real, os.fstat(opened)):
             raise _others(folder, "a link of theirs could lead what is written elsewhere")
+        first()
         for place, data in contents.items():
             new = Path(f"/proc/self/fd/{opened}", place.relative_to(folder))
             private.make_folder(new.parent)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 from srprov.cli.main import run as cli
 from srprov.cli.replay_lab import lab_for
 from srprov.codes import Code
+from srprov.controller.owners import read_owner
 from srprov.controller.trials import Trials
 from srprov.errors import LabError
 from srprov.evidence.make import bundle
@@ -19,7 +21,7 @@ from srprov.lab import lab as labs
 from srprov.lab import spec
 from srprov.lab.lab import Wanted
 from tests.fakes import World
-from tests.trial_folders import run_folder, write_experiment
+from tests.trial_folders import FILES, run_folder, write_experiment
 from tests.unit.cli.test_trial_marks import done
 from tests.unit.evidence.bundles import events, forged, journal, packed, unpacked
 
@@ -117,3 +119,29 @@ def test_what_a_bundle_says_of_robots_and_images_writes_no_lines_of_its_own(
     shown = told[told.index("Who does whose part:") :]
     assert [line for line in shown if "kernel: 1\\n" in line] and [line for line in shown if "runner: 1\\n" in line]
     assert not [line for line in shown if line.startswith("It asks")]
+
+
+def test_a_bundle_whose_replay_is_refused_has_nothing_of_the_one_before(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It lies there by then, and `apply` by its path mounted the volumes that the other one had left."""
+    monkeypatch.setattr(Trials, "_done", done)
+    for name, files in {"mine": FILES, "evil": {**FILES, "tracks/oval.txt": "evil\n"}}.items():
+        bundle(run_folder(tmp_path / name, write_experiment(tmp_path / f"{name}.d", files)), tmp_path / f"{name}.zip")
+    (edf := tmp_path / "again/experiment/race.edf").parent.mkdir(parents=True)
+    assert replayed("mine") in (0, 2), capsys.readouterr()
+    mine = read_owner("race", str(edf))
+    for word, text in {"--only": "", "in the way": "x"}.items():
+        shutil.rmtree("again")
+        edf.parent.mkdir(parents=True)
+        (edf.parent / "notes").write_text(text) if text else None
+        assert replayed("evil", "--only", "nothing") == 5
+        now = read_owner("race", str(edf))
+        assert (now.token != mine.token, now.bundle != mine.bundle) == (not text, not text), word
+        shutil.rmtree("again")
+        assert replayed("mine", "--only", "nothing") == 5
+        assert read_owner("race", str(edf)).token == mine.token, "it comes back"
+
+
+def replayed(name: str, *words: str) -> int:
+    return cli(["replay", f"{name}.zip", "-i", "inv.yml", "-o", "again", "--yes", *words])
