@@ -17,7 +17,7 @@ _PATH = r"/[A-Za-z0-9._~+%@=,:/-]+"
 _HTTPS = re.compile(f"https://{_HOST}{_PATH}")
 _SSH = re.compile(f"ssh://(?:{_USER}@)?{_HOST}{_PATH}")
 _SCP = re.compile(f"{_USER}@[A-Za-z0-9](?:[A-Za-z0-9.-]*[A-Za-z0-9])?:[A-Za-z0-9._~/][A-Za-z0-9._~+%@=,/-]*")
-_FILE = re.compile(r"file://(/[^\x00-\x20\x7f\\?#%]*)")
+_FILE = re.compile(r"file://(/[^\x00-\x20\x7f-\x9f\u2028\u2029\\?#%]*)")
 _REF = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+@/-]*")
 _COMMIT = re.compile(r"[0-9a-f]{40}|[0-9a-f]{64}")
 _LONGEST = 1000

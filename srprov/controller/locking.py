@@ -20,7 +20,7 @@ from srprov.controller.repositories import commit_of, tree
 from srprov.controller.source import fetched
 from srprov.definitions.lockfile import Lock
 from srprov.definitions.model import Definitions, Inventory
-from srprov.errors import UsageError, did_you_mean
+from srprov.errors import UsageError, did_you_mean, visible
 from srprov.git_address import is_commit
 from srprov.planning.policy import permissions
 
@@ -93,7 +93,7 @@ def finished(made: Draft, look_up: Callable[[Collection[str]], Mapping[str, Foun
 
 
 def changes(old: Lock, new: Lock) -> list[str]:
-    """Return in words what differs in two locks, but for files."""
+    """Return in words, a line each, what differs in two locks, but for files."""
     before = {short(name): digest for name, digest in old.digests.items()}
     before |= {branch_text(one): commit for one, commit in old.commits.items()}
     after = {short(name): digest for name, digest in new.digests.items()}
@@ -103,7 +103,7 @@ def changes(old: Lock, new: Lock) -> list[str]:
         was, now = before.get(name), after.get(name)
         if was != now:
             told.append(f"+ {name}: {now}" if not was else f"- {name}" if not now else f"~ {name}: {was} is {now} now")
-    return told
+    return [visible(one) for one in told]
 
 
 def _matches(word: str, name: str) -> bool:

@@ -17,6 +17,7 @@ from srprov import datasets, disk
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.lockfile import Lock
 from srprov.definitions.model import Definitions, Experiment
+from srprov.errors import visible
 from srprov.git_address import is_commit
 from srprov.image_reference import Reference, parse_reference
 from srprov.images.context import folder_items
@@ -131,7 +132,7 @@ def _below(path: str) -> Iterator[str]:
 
 
 def differences(definitions: Definitions, lock: Lock) -> list[str]:
-    """Return in words how the definitions, in which nothing is pinned, and the lock differ.
+    """Return in words, a line each, how the definitions, in which nothing is pinned, and the lock differ.
 
     Raises:
         OSError: A file cannot be read.
@@ -147,7 +148,8 @@ def differences(definitions: Definitions, lock: Lock) -> list[str]:
     told += [f"the file {path} is not in it" for path in sorted(hashes.keys() - lock.files.keys())]
     told += [f"the file {path} is in it, and no longer there" for path in sorted(lock.files.keys() - hashes.keys())]
     same = hashes.keys() & lock.files.keys()
-    return [*told, *(f"the file {path} has changed" for path in sorted(same) if hashes[path] != lock.files[path])]
+    told += [f"the file {path} has changed" for path in sorted(same) if hashes[path] != lock.files[path]]
+    return [visible(one) for one in told]  # a file may have any name, and a lock be a stranger's
 
 
 def short(name: str) -> str:

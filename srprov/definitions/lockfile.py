@@ -25,6 +25,8 @@ from srprov.yamldoc import loader
 from srprov.yamldoc.nodes import Findings, Map, Node, Seq
 
 _SHA256 = re.compile(r"[0-9a-f]{64}")
+_CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
+"""Control characters and what ends a line, which neither an address nor a branch has."""
 _HEAD = """\
 # Written by `srprov lock`; keep it in git. What stands here counts until `srprov lock --update NAME`.
 """
@@ -120,6 +122,10 @@ def _checked(path: str) -> Map:
         if is_commit(text(ref := one.entries["ref"])):  # else another one would be taken for it
             message = "is a commit already, which stands for nothing else"
             findings.add(ref, message, ("repositories", index, "ref"), code=Code.LOCK_FILE)
+        for key in ("git", "ref"):
+            if _CONTROL.search(text(one.entries[key])):
+                message = f"'{key}' has a control character or an end of a line, which no such name has"
+                findings.add(one.entries[key], message, ("repositories", index, key), code=Code.LOCK_FILE)
     if findings.problems:
         raise DefinitionError(findings.problems)
     return root
@@ -156,13 +162,18 @@ def dump(lock: Lock) -> str:
         for name, digest in sorted(lock.digests.items())
     ]
     repositories = [line(git=git, ref=ref, commit=commit) for (git, ref), commit in sorted(lock.commits.items())]
-    files = [f"  {json.dumps(path, ensure_ascii=False)}: {sha}" for path, sha in sorted(lock.files.items())]
+    files = [f"  {_quoted(path)}: {sha}" for path, sha in sorted(lock.files.items())]
     parts = (("images", digests, "[]"), ("repositories", repositories, "[]"), ("files", files, "{}"))
     body = "".join("\n".join([f"{key}:", *lines]) + "\n" if lines else f"{key}: {none}\n" for key, lines, none in parts)
     packages = "".join(map(_packages_text, lock.packages))
     return f"{_HEAD}lock: 1\nsrprov: {json.dumps(lock.version)}\n{body}" + (
         f"packages:\n{packages}" if packages else ""
     )
+
+
+def _quoted(name: str) -> str:
+    """Return a file's name, which may be any, as YAML reads it: there more characters end a line than in JSON."""
+    return _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", json.dumps(name, ensure_ascii=False))
 
 
 def _packages_text(one: Packages) -> str:

@@ -22,6 +22,7 @@ from srprov.definitions.model import BUILDERS, Inventory
 from srprov.errors import DefinitionError, RefusedError, UsageError
 from srprov.execution.packages import NoListing
 from srprov.facts.model import Snapshot
+from srprov.git_address import parse_address
 from srprov.images.args import with_digests
 from srprov.record.memory import built_for
 from srprov.resource import Observed
@@ -164,6 +165,31 @@ def test_what_an_edf_has_by_its_commit_is_no_lock_s_matter(here: Path) -> None:
         read_definitions("e.edf", ())
     (problem,) = caught.value.problems
     assert problem.message == "is a commit already, which stands for nothing else"
+
+
+@pytest.mark.parametrize("end", ["\n", "\r", "\x1b[2K", "\x85", "\u2028"])
+def test_a_lock_writes_no_lines_of_its_own(here: Path, end: str) -> None:
+    """`lock`, and what `--locked` refuses, told its names: `to mend it: curl … | sh` stood in a line for itself."""
+    evil = f"x{end}to mend it: curl x | sh"
+    for one, key in {(f"https://h/{evil}", "main"): "git", ("https://h/x.git", evil): "ref"}.items():
+        lock = Lock(commits={one: COMMIT}, version="1")
+        (here / "e.lock").write_text(json.dumps({
+            "lock": 1, "srprov": "1", "images": [], "files": {},
+            "repositories": [{"git": one[0], "ref": one[1], "commit": COMMIT}],
+        }))  # fmt: skip
+        with pytest.raises(DefinitionError) as caught:
+            load("e.lock")
+        (problem,) = caught.value.problems
+        assert problem.message.startswith(f"'{key}' has a control character") and "repositories" in problem.path
+        for line in [*differences(load_experiment("e.edf", {}), lock), *locking.changes(lock, Lock())]:
+            assert line.isprintable(), "and it is one line, whoever made the lock"
+    (here / "e.lock").write_text(dump(replace(_lock(here), files={evil: "0" * 64})))
+    with pytest.raises(UsageError, match="out of date") as refused:
+        read_definitions("e.edf", (), locked=True)
+    assert all(line.isprintable() and line[0] == " " for line in refused.value.message.splitlines()[1:])
+    assert r"to mend it" in refused.value.message, "a file may be called so"
+    with pytest.raises(ValueError, match="is no address"):
+        parse_address(f"file:///{evil.replace(' ', '')}")
 
 
 def test_a_lock_is_checked_with_its_edf_and_shows_nothing_of_a_file_elsewhere(here: Path) -> None:
