@@ -13,7 +13,6 @@ from typing import Any, TypeAlias
 from srprov.conversion import names_used
 from srprov.conversion.apart import hint, joined
 from srprov.conversion.project import Project
-from srprov.importing.compose.parts import SETTINGS
 
 _Services: TypeAlias = Mapping[str, Mapping[str, Any]]
 Named: TypeAlias = "dict[str, dict[tuple[int, frozenset[str]], str]]"
@@ -22,8 +21,8 @@ Named: TypeAlias = "dict[str, dict[tuple[int, frozenset[str]], str]]"
 
 def refuse(projects: Sequence[Project]) -> None:
     """Note a refusal where a service may take the name of one of a file apart, or of a host that this one asks."""
-    every = [(number, file) for number, one in enumerate(projects) for file in _all_files(one)]
-    if not any(_are_apart(projects, one, other) for one in every for other in every):
+    every = _every_file(projects)
+    if not are_several(projects):
         return
     called, asked = _called(projects), _asked(projects)
     for number, project in enumerate(projects):
@@ -35,7 +34,7 @@ def refuse(projects: Sequence[Project]) -> None:
                 others = {**asked.get(host, {}), **called.get(host, {})}
                 if "." in host and (file := _strange_file(projects, (number, files), every)):
                     words = f"'{host[:60]}', of '{name[:60]}', may be a host elsewhere for services of {file}"
-                elif far := _other(projects, host, (number, files), others):
+                elif far := _other(projects, (number, files), others):
                     words = f"'{host[:60]}', of '{name[:60]}', is a name that {far} has, or asks"
                 else:
                     continue
@@ -44,14 +43,23 @@ def refuse(projects: Sequence[Project]) -> None:
 
 
 def _other(
-    projects: Sequence[Project], host: str, own: tuple[int, frozenset[str]],
-    others: Mapping[tuple[int, frozenset[str]], str],
+    projects: Sequence[Project], own: tuple[int, frozenset[str]], others: Mapping[tuple[int, frozenset[str]], str],
 ) -> str:  # fmt: skip
     """Return in words which service of a file apart has a name, or asks it; empty if none does."""
     for (number, files), name in others.items():
-        if _took(projects, host, own, (number, files)) and not joined(projects[number], ("services", name)):
+        if _took(projects, own, (number, files)) and not joined(projects[number], ("services", name)):
             return f"'{name[:60]}' of {min(files)}"
     return ""
+
+
+def are_several(projects: Sequence[Project]) -> bool:
+    """Return whether services come from files that are apart."""
+    every = _every_file(projects)
+    return any(_are_apart(projects, one, other) for one in every for other in every)
+
+
+def _every_file(projects: Sequence[Project]) -> list[tuple[int, str]]:
+    return [(number, file) for number, one in enumerate(projects) for file in _all_files(one)]
 
 
 def _called(projects: Sequence[Project]) -> Named:
@@ -82,13 +90,8 @@ def _names(project: Project, name: str) -> set[str]:
     return {one.lower() for one in some if one}
 
 
-def _took(
-    projects: Sequence[Project], host: str, one: tuple[int, frozenset[str]], other: tuple[int, frozenset[str]]
-) -> bool:
-    """Return whether files of two services are apart; in exports, robots know each other's services without a dot."""
-    exports = all((SETTINGS,) in projects[number].notes.normal.parts for number, _ in (one, other))
-    if one[0] != other[0] and exports and "." not in host:
-        return False
+def _took(projects: Sequence[Project], one: tuple[int, frozenset[str]], other: tuple[int, frozenset[str]]) -> bool:
+    """Return whether files of two services are apart."""
     return any(_are_apart(projects, (one[0], a), (other[0], b)) for a in one[1] for b in other[1])
 
 

@@ -103,12 +103,20 @@ def convert(
 
 
 def _together(projects: Sequence[Project]) -> Iterator[Note]:
-    """Yield what several robots' files open to each other: a network of Compose's ends at its robot."""
+    """Yield what several robots' files, or files in folders apart, open to each other.
+
+    A network of Compose's ends at its robot, and keeps out who is not on it; the overlay has all services.
+    """
     some = [one for one in projects if any(map(names_used.on_overlay, (one.document.get("services") or {}).values()))]
     if len(some) > 1:
         where = some[0].machine.normal.position_of(("services",))
         message = "all robots' services reach each other at every port on the overlay, also at what is not published"
         hint = "where one of them has an engine's socket, or no password, import each robot's files by themselves"
+        yield Note(where, message, hint)
+    elif some and apart_names.are_several(projects):
+        where = some[0].machine.normal.position_of(("services",))
+        message = "services of files in folders apart reach each other by name, and at every port, on one overlay"
+        hint = "where one of the files is a stranger's, import it by itself"
         yield Note(where, message, hint)
 
 
