@@ -26,6 +26,9 @@ WRITTEN = f"{MAY_BE}, where it, or another container, runs or believes what is w
 """Of a place of data that a container may write to: whose programs take what from there no plan knows whole."""
 READ = f"{MAY_BE}, where a program has a pipe or a socket there, or somebody a key"
 """Of one that is only read: a pipe takes what is written to it, also where nothing else can be."""
+LINKING = "NET_ADMIN"
+MAKES_LINKS = f"{MAY_BE}: it makes links in the robot's own network, where root's programs may do what it answers"
+"""By the number that a container's own link has for the network of its other end; no name of a namespace is needed."""
 _CAPABILITIES = frozenset({"ALL", "SYS_ADMIN", "SYS_MODULE", "SYS_RAWIO", "SYS_BOOT", "DAC_READ_SEARCH"})
 TRACING = "SYS_PTRACE"
 TAKES_OVER = f"{AS_ROOT}, unless AppArmor is in force: it takes over what engines start in it, such as health checks"
@@ -34,13 +37,15 @@ _ORDINARY = frozenset(
     {
         *("AUDIT_WRITE", "CHOWN", "DAC_OVERRIDE", "FOWNER", "FSETID", "KILL", "MKNOD", "NET_BIND_SERVICE", "NET_RAW"),
         *("SETFCAP", "SETGID", "SETPCAP", "SETUID", "SYS_CHROOT"),
-        *("IPC_LOCK", "NET_ADMIN", "NET_BROADCAST", "SYS_NICE", "WAKE_ALARM"),
+        *("IPC_LOCK", "NET_BROADCAST", "SYS_NICE", "WAKE_ALARM"),
     }
 )
-"""Docker's own, and those that robots need for buses and schedules, which end at the container's namespaces or there.
+"""Docker's own, and those that robots need for schedules, which end at the container's namespaces or there.
 
-SYS_PTRACE was one of them until it took over a health check. So no other one is: SYSLOG shows where the kernel's memory
-is, BPF and PERFMON read it, SYS_TIME moves the clock by which a robot believes certificates.
+SYS_PTRACE was one of them until it took over a health check, and NET_ADMIN until it made a link on the robot's own
+card: the kernel asks for it in the namespace of users that a network belongs to, and engines give a container the
+robot's. So no other one is: SYSLOG shows where the kernel's memory is, BPF and PERFMON read it, SYS_TIME moves the
+clock by which a robot believes certificates.
 """
 _DISK = re.compile(
     r"/dev/((sd|hd|vd|xvd)[a-z]+[0-9]*\Z|(nvme|mmcblk|dm-|md|mtd|mtdblock|ubi|ubiblock|loop|nbd|zram|sg)[0-9]"
@@ -93,6 +98,8 @@ def of_capability(name: str) -> str:
     plain = name.removeprefix("CAP_")
     if plain == TRACING:
         return TAKES_OVER
+    if plain == LINKING:
+        return MAKES_LINKS
     return AS_ROOT if plain in _CAPABILITIES else "" if plain in _ORDINARY else MAY_BE
 
 

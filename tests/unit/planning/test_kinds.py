@@ -77,12 +77,14 @@ TABLE = {
         warned=(device("/dev/lidar"), device("/dev/sda"), *each("device_cgroup_rules", "c 250:0 r", "b 1:1 r")),
     ),
     "capability": Kind(
-        harmless=each("cap_add", "NET_ADMIN", "CAP_SYS_NICE"),
+        harmless=each("cap_add", "IPC_LOCK", "CAP_SYS_NICE"),
         warned=each(
             "cap_add",
             "SYS_ADMIN",
             "SYS_PTRACE",
             "CAP_SYS_PTRACE",
+            "NET_ADMIN",
+            "CAP_NET_ADMIN",
             "BPF",
             "SYS_TIME",
             "SYSLOG",

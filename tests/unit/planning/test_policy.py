@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from srprov.definitions.containermodel import ContainerDefinition, Logging, Mount, Runtime
 from srprov.definitions.model import NetworkSettings
 from srprov.definitions.secretmodel import SecretSource, SecretUse
-from srprov.planning.graver import EVERY_PROCESS, TOLD, WRITTEN
+from srprov.planning.graver import EVERY_PROCESS, MAKES_LINKS, TOLD, WRITTEN
 from srprov.planning.log_options import ANY_DRIVER, JOURNAL
 from srprov.planning.policy import KINDS, permissions, refused
 from srprov.planning.security_options import PROFILE
@@ -42,7 +42,8 @@ ASKS: list[tuple[dict[str, Any], list[tuple[str, str]]]] = [
     ({"ipc": "shareable"}, [("host-ipc", "ipc: shareable")]),
     ({"ipc": "private"}, []),
     ({"ipc": "none"}, []),
-    ({"cap_add": ("SYS_ADMIN", "NET_ADMIN")}, [("capability", "NET_ADMIN"), ("capability", f"SYS_ADMIN ({ROOT})")]),
+    ({"cap_add": ("SYS_ADMIN", "SYS_NICE")}, [("capability", f"SYS_ADMIN ({ROOT})"), ("capability", "SYS_NICE")]),
+    ({"cap_add": ("NET_ADMIN",)}, [("capability", f"NET_ADMIN ({MAKES_LINKS})")]),
     ({"sysctls": {"net.x": "1"}}, [("sysctl", "net.x=1")]),
     ({"sysctls": {"vm.x": "1"}}, [("sysctl", f"vm.x=1 (may be {ROOT})")]),
     ({"security_opt": ("apparmor=unconfined",)}, [("security-opt", "apparmor=unconfined")]),
@@ -244,7 +245,7 @@ def test_what_is_as_good_as_root_is_said(run: dict[str, Any]) -> None:
 @pytest.mark.parametrize(
     "run",
     [
-        {"cap_add": ("NET_ADMIN", "SYS_NICE", "IPC_LOCK")},
+        {"cap_add": ("SYS_NICE", "IPC_LOCK")},
         *({"devices": ((f"/dev/{name}", "/dev/x", "rwm"),)} for name in PARTS_OF_ROBOTS),
         {"device_cgroup_rules": ("c 81:* rmw", "c 188:* rw", "c 0226:1 r")},
     ],
