@@ -111,10 +111,8 @@ def files_of(path: str, tree: HostTree) -> list[str]:
         return []
     if not os.path.isdir(path):
         return [path]
-    names = sorted(
-        name for name in os.listdir(path) if not name.startswith(".") and not name.endswith(_NOT_INVENTORIES)
-    )
-    return [os.path.join(path, name) for name in names if os.path.isfile(os.path.join(path, name))]
+    names = sorted(name for name in filter(unseen.is_shown, os.listdir(path)) if not name.endswith(_NOT_INVENTORIES))
+    return [unseen.shown(one, path) for name in names if os.path.isfile(one := os.path.join(path, name))]
 
 
 def read_one(path: str, tree: HostTree, *, may_run: bool) -> None:
@@ -216,19 +214,19 @@ def _variables(folder: str, name: str, tree: HostTree, unnamed: str) -> Variable
     found: Variables = {}
     if not name or "/" in name or name[0] == "." or name[-1] == "~":  # hidden, by `.yml` too, as below: nobody sees it
         return found
-    for suffix in ("", ".yml", ".yaml", ".json"):
-        path = os.path.join(folder, name + suffix)
+    for file in filter(unseen.is_shown, (name + suffix for suffix in ("", ".yml", ".yaml", ".json"))):
+        path = os.path.join(folder, file)
         _check_place(path, unnamed)  # before it is walked through: a link may lead to the root of all
         parts = [path] if os.path.isfile(path) else []
         for parent, folders, files in regular_file.walk(path) if os.path.isdir(path) else ():
-            folders[:] = sorted(inner for inner in folders if not inner.startswith("."))
+            folders[:] = sorted(filter(unseen.is_shown, folders))
             named = [inner for inner in files if os.path.splitext(inner)[1] in ("", ".yml", ".yaml", ".json")]
-            parts += [os.path.join(parent, inner) for inner in sorted(named) if not inner.startswith(".")]
+            parts += [os.path.join(parent, inner) for inner in sorted(filter(unseen.is_shown, named))]
         if len(parts) > _MOST_FILES:
             message = f"it holds more than {_MOST_FILES} files"
             raise DefinitionError([Diagnostic(Location(path), message, code=Code.TOO_LARGE)])
         for part in parts:
-            found.update(_variables_file(part, tree, unnamed))
+            found.update(_variables_file(unseen.shown(part, os.path.dirname(folder)), tree, unnamed))
     return found
 
 

@@ -1,17 +1,20 @@
 """Text of an inventory that its reader does not see as srprov reads it.
 
-Takes a text, or the first line of a program; raises. Pure. An inventory may run a program here, so its user looks at it
-first. A character that ends a line to a parser, and to no editor, makes a setting of what stands in a comment; one that
-moves a terminal's cursor, or turns the writing around, hides one; so do blanks, behind which it stands beside the
-window, whatever character shows as one, and empty lines, behind which it stands below it. And a file that shows data
-may be a program by its first line.
+Takes a text, the first line of a program, or the name of a file; raises, or tells. Reads the lists by which file
+managers hide files. An inventory may run a program here, so its user looks at it first. A character that ends a line to
+a parser, and to no editor, makes a setting of what stands in a comment; one that moves a terminal's cursor, or turns
+the writing around, hides one; so do blanks, behind which it stands beside the window, whatever character shows as one,
+and empty lines, behind which it stands below it. And a file that shows data may be a program by its first line; and one
+that is not shown among the others is not looked at at all.
 """
 
 from __future__ import annotations
 
+import os
 import re
 import unicodedata
 
+from srprov import regular_file
 from srprov.codes import Code
 from srprov.errors import DefinitionError, Diagnostic, Location
 
@@ -30,6 +33,10 @@ _EMPTY = frozenset("\u115f\u1160\u2800\u3164\uffa0\U00013441\U00013442\U0001d159
 _KINDS = ("Zs", "Cf", "Cn", "Mn", "Me")
 _TAB, _WIDE = " " * 8, "  "
 _DATA = (".yml", ".yaml", ".json", ".ini", ".cfg", ".toml")
+_COPIES = ("~", "%", ".bak", ".old", ".sik", ".pyc", ".pyo")
+_OF_TOOLS = frozenset({"CVS", "_svn", "__pycache__", "Thumbs.db", "vssver.scc", "vssver2.scc"})
+"""What GNOME Files, Nemo, Caja, Dolphin, VS Code and PyCharm leave out of a folder as they are installed."""
+_LIST, _LONGEST_LIST = ".hidden", 1 << 20
 _FIRST_LINE = re.compile(r"#! ?/[!-~][ -~\t]*\r?")
 
 
@@ -85,6 +92,33 @@ def check_program(path: str, first_line: str) -> None:
     if not _FIRST_LINE.fullmatch(first_line):
         message = "could be run, and its first line does not begin with the whole path of what runs it"
         raise _refused(path, 1, 1, message, "write `#!/path/of/program`; if it is no program, `chmod -x`")
+
+
+def is_shown(name: str) -> bool:
+    """Return whether file managers and editors show a file, or folder, of this name among the others."""
+    return not (name.startswith(".") or name.endswith(_COPIES) or name in _OF_TOOLS)
+
+
+def shown(path: str, folder: str) -> str:
+    """Return a path below a folder where no list of what is hidden there, which file managers go by, has a part of it.
+
+    Raises:
+        DefinitionError: One has, or may have: it cannot be read.
+    """
+    here = folder
+    for part in os.path.relpath(path, folder or os.curdir).split(os.sep):
+        listing = os.path.join(here, _LIST)
+        try:
+            listed = os.fsdecode(regular_file.read(listing, _LONGEST_LIST)).split("\n")
+        except (FileNotFoundError, IsADirectoryError):
+            listed = []
+        except OSError as error:
+            raise _refused(listing, 1, 1, f"cannot be read: {error.strerror}", "remove it") from None
+        if part in listed:
+            message = f"is not shown by file managers, as {os.path.relpath(listing)} lists '{part}'"
+            raise _refused(path, 1, 1, message, "look at the file, then take the line away")
+        here = os.path.join(here, part)
+    return path
 
 
 def _refused(path: str, line: int, column: int, message: str, hint: str) -> DefinitionError:

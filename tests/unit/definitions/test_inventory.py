@@ -351,3 +351,37 @@ def test_no_hidden_file_of_variables_is_read(tmp_path: Path) -> None:
         place.parent.mkdir(parents=True, exist_ok=True)
         place.write_text("ansible_ssh_common_args: -o ProxyCommand=id\n")
     assert load_inventory([tmp_path / "hosts.yml"]).hosts["robot1"].ssh_options == ()
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["all/net~", "all/old~/net.yml", "all/net%", "all/CVS/net.yml", "all/__pycache__/net.yml", "lab.old", "lab.bak"],
+)
+def test_no_file_of_variables_that_file_managers_and_editors_leave_out_is_read(tmp_path: Path, name: str) -> None:
+    (tmp_path / "hosts.yml").write_text("all: {children: {lab.old: &r {hosts: {robot1: }}, lab.bak: *r}}\n")
+    place = tmp_path / "group_vars" / name
+    place.parent.mkdir(parents=True)
+    place.write_text("ansible_ssh_common_args: -o ProxyCommand=id\n")
+    assert load_inventory([tmp_path / "hosts.yml"]).hosts["robot1"].ssh_options == ()
+
+
+@pytest.mark.parametrize(
+    ("listing", "line"),
+    [
+        (".hidden", "group_vars"),
+        ("group_vars/.hidden", "all"),
+        ("group_vars/all/.hidden", "net.yml"),
+        (".hidden", "more.yml"),
+    ],
+)
+def test_no_file_that_a_list_hides_is_read(tmp_path: Path, listing: str, line: str) -> None:
+    for name in ("group_vars/all/net.yml", "group_vars/all/.hidden", "hosts.yml", "more.yml"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("")
+    (tmp_path / "hosts.yml").write_text("all: {hosts: {robot1: }}\n")
+    (tmp_path / listing).write_text(f"other\n{line}\n")
+    with pytest.raises(DefinitionError) as error:
+        load_inventory([tmp_path])
+    assert f"lists '{line}'" in error.value.problems[0].message
+    (tmp_path / listing).write_text("other\n")
+    assert set(load_inventory([tmp_path]).hosts) == {"robot1"}
