@@ -17,6 +17,8 @@ from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Node, Scalar, Source
 
 _SECTION = re.compile(r"\[(?P<name>[^:\]\s]+)(?::(?P<kind>\w+))?\]\s*(?:[#;].*)?")
+_COMMENT = re.compile(r"(?:^|\s)[#;]")
+"""What looks like the beginning of one, and is none in quotes."""
 _LONGEST = 1_000_000
 """Characters of a file: splitting lines into words is slow."""
 _LONGEST_LINE = 50_000
@@ -75,6 +77,10 @@ def _host(place: Scalar, group: str, tree: HostTree) -> None:
         name, *pairs = words.split(place.text, comments=True)
     except ValueError as error:
         tree.findings.add(place, f"cannot be split into words: {str(error).lower()}", code=Code.INVENTORY)
+        return
+    if any(map(_COMMENT.search, pairs[:-1])) or any(one[:1] in ("#", ";") for one in pairs):
+        message = "has a '#' or ';' that begins no comment: what stands behind it is read"
+        tree.findings.add(place, message, (), "take it away, or put it at the end of the line", code=Code.INVENTORY)
         return
     variables: Variables = {}
     offset = 0

@@ -138,6 +138,7 @@ def _read_yaml(root: Node | None, path: str, tree: HostTree) -> None:
     if root is None:
         return
     right_kind.check(root, "inventory", path)
+    unseen.check_keys(None if names_alone.is_of_record(path) else root)
     if not isinstance(root, Map):
         message = f"an inventory is a map of groups, not {nodes.kind(root)}"
         raise DefinitionError([nodes.problem(root, message, "", "begin with all:", code=Code.INVENTORY)])
@@ -234,7 +235,7 @@ def _variables_file(path: str, tree: HostTree, unnamed: str) -> Variables:
     try:
         _check_place(path, unnamed)
         unseen.check(text := loader.read_text(path), path)
-        root = None if text.startswith("$ANSIBLE_VAULT;") else loader.parse(text, path)
+        unseen.check_keys(root := None if text.startswith("$ANSIBLE_VAULT;") else loader.parse(text, path))
     except DefinitionError as error:
         tree.findings.extend(error.problems)
         return {}

@@ -121,6 +121,11 @@ def _place_of(host: Host) -> Host:
     )  # fmt: skip
 
 
+def is_of_record(path: str) -> bool:
+    """Return whether a path is that of the inventory of a record: it has many robots in a line, and runs nothing."""
+    return bool(_recorded(path))
+
+
 def _recorded(path: str) -> str:
     """Return the file that is meant if it is the inventory of a record, or nothing."""
     names = [os.path.normpath(os.path.join(here, path)) for here in _here()]

@@ -6,12 +6,15 @@ first of a name being the one that counts for ssh. Pure.
 
 from __future__ import annotations
 
+import re
+
 from srprov.definitions.words import split
 
 _WITHOUT_EFFECT = set("46AaCfGgKkMNnqsTtVvXxYy")
 """Flags that change nothing for srprov's connections: compression, verbosity, terminals, forwarding."""
 
 _LONGEST = 10_000
+_COMMENT = re.compile(r"""(?:^|[\s'"])#""")
 _OPTIONS = {"J": "proxyjump", "i": "identityfile", "l": "user", "p": "port", "c": "ciphers", "m": "macs"}
 
 
@@ -23,6 +26,8 @@ def parse(text: str) -> list[tuple[str, str]]:
     """
     if len(text) > _LONGEST:
         raise ValueError(f"ssh's arguments are longer than {_LONGEST} characters")
+    if _COMMENT.search(text):  # what stands behind it is taken for a comment by who looks at it
+        raise ValueError("ssh's arguments have a '#', which begins no comment there")
     try:
         words = split(text)
     except ValueError as error:

@@ -4,7 +4,8 @@ Takes a text, the first line of a program, or the name of a file; raises, or tel
 managers hide files. An inventory may run a program here, so its user looks at it first. A character that ends a line to
 a parser, and to no editor, makes a setting of what stands in a comment; one that moves a terminal's cursor, or turns
 the writing around, hides one; so do blanks, behind which it stands beside the window, whatever character shows as one,
-and empty lines, behind which it stands below it. And a file that shows data may be a program by its first line; and one
+and empty lines, behind which it stands below it; and a setting behind a `#` in a quoted text is seen as a comment. And
+a file that shows data may be a program by its first line; and one
 that is not shown among the others is not looked at at all.
 """
 
@@ -17,6 +18,7 @@ import unicodedata
 from srprov import regular_file
 from srprov.codes import Code
 from srprov.errors import DefinitionError, Diagnostic, Location
+from srprov.yamldoc.nodes import Map, Node, Seq
 
 _UNSEEN = re.compile(
     "\r(?!\n|\\Z)|\x0c(?![\r\n]|\\Z)|[\x01-\x08\x0b\x0e-\x1f\x7f-\x9f]"
@@ -32,6 +34,7 @@ _EMPTY = frozenset("\u115f\u1160\u2800\u3164\uffa0\U00013441\U00013442\U0001d159
 """Letters and signs that show nothing; so do all of the kinds in `_KINDS`, or nothing without a letter before them."""
 _KINDS = ("Zs", "Cf", "Cn", "Mn", "Me")
 _TAB, _WIDE = " " * 8, "  "
+_COMMENT = re.compile(r"(?:^|\s)#")
 _DATA = (".yml", ".yaml", ".json", ".ini", ".cfg", ".toml")
 _COPIES = ("~", "%", ".bak", ".old", ".sik", ".pyc", ".pyo")
 _OF_TOOLS = frozenset({"CVS", "_svn", "__pycache__", "Thumbs.db", "vssver.scc", "vssver2.scc"})
@@ -75,6 +78,22 @@ def _blank(line: str) -> str:
         if one in _EMPTY or unicodedata.category(one) in _KINDS:
             line = line.replace(one, _WIDE)
     return line.replace("\t", _TAB)
+
+
+def check_keys(root: Node | None) -> None:
+    """Refuse a document that has a key behind a `#`, which is a part of a quoted text there: it looks like a comment.
+
+    Raises:
+        DefinitionError: It names the place.
+    """
+    left = [root] if root is not None else []
+    while left:
+        node = left.pop()
+        for key in node.keys.values() if isinstance(node, Map) else ():
+            if _COMMENT.search(key.source.excerpt(key.line)[: key.column - 1]):
+                message = "stands behind a '#', which begins no comment here: it is a part of a quoted text"
+                raise _refused(key.source.file, key.line, key.column, message, "write each value on a line of its own")
+        left += node.entries.values() if isinstance(node, Map) else node.items if isinstance(node, Seq) else ()
 
 
 def check_program(path: str, first_line: str) -> None:

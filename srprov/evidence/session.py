@@ -188,7 +188,7 @@ def _write(files: Files, home: str, folder: str) -> str:
         text = content(files, name, _MOST_INPUTS)
         if name == f"{home}/inputs/{_INVENTORY}":  # nobody is reached, and an unnamed inventory may not say how
             place = Path(folder, home, _INVENTORY)  # nothing is read with it that the experiment ships
-            text = in_lines(without_access(json_of(files, name))).encode("utf-8", "surrogateescape")
+            text = in_lines(without_access(json_of(files, name))).replace("#", r"\u0023").encode()
         else:
             made.update(f"{len(text)} {name.removeprefix(home)}\0".encode())
             made.update(text)

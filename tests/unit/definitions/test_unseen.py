@@ -107,3 +107,57 @@ def test_no_file_without_a_name_that_is_seen_is_read(tmp_path: Path, name: str) 
         assert "shows nothing" in caught.value.problems[0].message
         place.unlink()
     assert list(load_inventory([tmp_path / "lab"]).hosts) == ["robot1"]
+
+
+_LOOKS = {
+    "a.yml": """all: {hosts: {robot1: {x_place: "hall 2
+  # before the move:
+  # ", ansible_ssh_common_args: -o ProxyCommand=id}}}
+""",
+    "b.yml": "all: {vars: {x: 'hall # before: ', ansible_ssh_common_args: -o ProxyCommand=id}, hosts: {robot1: }}\n",
+    "c.yml": """all:
+  vars:
+    ansible_ssh_common_args: >-
+      -o 'LogLevel=INFO
+      # before: ' -o ProxyCommand=id
+  hosts: {robot1: }
+""",
+    "d.yml": "all: {vars: {ansible_ssh_common_args: \"-o '# ' -o ProxyCommand=id\"}, hosts: {robot1: }}\n",
+    "a.ini": "robot1 place='joe's x=' # before: ' ansible_ssh_common_args='-o ProxyCommand=id'\n",
+    "b.ini": "robot1 ;before=2025 ansible_ssh_common_args='-o ProxyCommand=id'\n",
+    "c.ini": "robot1 '#before'=2025 ansible_ssh_common_args='-o ProxyCommand=id'\n",
+    "d.ini": "[all:vars]\nansible_ssh_common_args=-o 'LogLevel=INFO # before: ' -o ProxyCommand=id\n[all]\nrobot1\n",
+}
+
+
+@pytest.mark.parametrize("name", _LOOKS)
+def test_no_setting_looks_like_a_comment_as_a_part_of_a_quoted_text(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text(_LOOKS[name])
+    with pytest.raises(DefinitionError) as error:
+        load_inventory([tmp_path / name])
+    assert "begins no comment" in error.value.problems[0].message
+
+
+def test_a_file_of_variables_has_no_setting_that_looks_like_a_comment(tmp_path: Path) -> None:
+    (tmp_path / "hosts.yml").write_text("all: {hosts: {robot1: }}\n")
+    (tmp_path / "host_vars").mkdir()
+    (tmp_path / "host_vars" / "robot1.yml").write_text('{x: "\n # ", ansible_ssh_common_args: -o ProxyCommand=id}\n')
+    with pytest.raises(DefinitionError) as error:
+        load_inventory([tmp_path / "hosts.yml"])
+    assert "begins no comment" in error.value.problems[0].message
+
+
+def test_comments_and_texts_with_a_hash_are_read(tmp_path: Path) -> None:
+    text = "all:\n  hosts:  # of hall 2\n    robot1:\n      motd: 'arm # 5'\n      script: |\n        # a\n        id\n"
+    (tmp_path / "hosts.yml").write_text(text)
+    (tmp_path / "hosts.ini").write_text("robot2 ansible_port=22 motd='arm # 5' # ansible_port=23\n")
+    hosts = load_inventory([tmp_path / "hosts.yml", tmp_path / "hosts.ini"]).hosts
+    assert set(hosts) == {"robot1", "robot2"}
+    assert hosts["robot2"].port == 22
+
+
+def test_the_inventory_of_a_record_has_robots_with_a_hash_in_a_line(tmp_path: Path) -> None:
+    file = tmp_path / "inputs" / "inventory.yml"
+    file.parent.mkdir()
+    file.write_text('{"all": {"hosts": {"robot1": {"srprov_tags": ["arm #2"], "ansible_host": "10.0.0.1"}}}}\n')
+    assert load_inventory([file]).hosts["robot1"].address == "10.0.0.1"

@@ -145,6 +145,18 @@ def test_what_a_record_has_elsewhere_is_told_as_well(tmp_path: Path, capsys: pyt
     assert cli(["compare", str(run), str(run)]) == 0
 
 
+def test_a_run_of_a_robot_with_a_hash_in_a_tag_is_read(run: Path, tmp_path: Path) -> None:
+    """A record has all robots in a line; in another inventory no key stands behind what looks like a comment."""
+    copy = shutil.copytree(run, tmp_path / "copy")
+    place = copy / "sessions/1/inputs/inventory.yml"
+    inventory = json.loads(place.read_text())
+    hosts = inventory["all"]["hosts"]
+    for host in hosts.values():
+        host["srprov_tags"] = [*host.get("srprov_tags", ()), "arm #2"]
+    place.write_text(json.dumps(inventory))
+    assert cli(["bundle", str(copy), "-o", str(tmp_path / "b.zip")]) == 0
+
+
 def test_nothing_tells_how_robots_are_reached(run: Path, bundled: Path) -> None:
     facts = json.loads((run / "sessions/1/facts.json").read_text())
     inventory = json.loads((run / "sessions/1/inputs/inventory.yml").read_text())
