@@ -53,7 +53,7 @@ _DISK = re.compile(
 )
 A_DISK = f"a disk: {AS_ROOT}, if it is the robot's own"
 _HARMLESS = re.compile(
-    r"/dev/((video|media|v4l-subdev|radio|ttyUSB|ttyACM|ttyTHS|i2c-|gpiochip|gpiomem|fb|rfcomm|pps|ptp|lirc|apex_"
+    r"/dev/((video|media|v4l-subdev|radio|ttyUSB|ttyACM|i2c-|gpiochip|gpiomem|fb|rfcomm|pps|ptp|lirc|apex_"
     r"|hailo|iio:device|watchdog|nvidia|spidev[0-9]+\.|input/js|input/mouse)[0-9]+"
     r"|gpiomem|nvidiactl|nvidia-(uvm|uvm-tools|modeset)|nvmap|nvhost-[a-z0-9-]+|kfd|kvm|fuse|net|net/tun"
     r"|null|zero|full|u?random|rfkill|input/mice|(snd|dri|dma_heap)(/.+)?|(serial|v4l)/by-(id|path)/[^/]+)"
@@ -66,7 +66,7 @@ of an adapter's: a robot's console is one.
 HARMLESS = "a part that robots have, which is known to be harmless"
 _BY_NUMBER = re.compile(r"[ab] |c (\*|0*(1|10|21|90)):")
 """Rules for them, which a container can make a device of by itself; 21 and 90 are disks as characters."""
-_PARTS = frozenset({"29", "81", "89", "116", "153", "166", "180", "188", "195", "226"})
+_PARTS = frozenset({"29", "81", "89", "116", "153", "166", "188", "195", "226"})
 """Characters that are screens, cameras, I2C, sound, SPI, serial adapters, graphics; source: the kernel's devices.txt.
 
 A closed list: 4 and 204 are consoles, 13 keyboards, 189 raw USB with its disks, and from 234 on any kernel has its own.

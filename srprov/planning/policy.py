@@ -190,7 +190,11 @@ def _of_repositories(service: Service, containers: Mapping[str, ContainerDefinit
 
 
 def _fetched(url: str, ref: str) -> str:
-    how = "" if url.startswith(("https:", "file:")) else " with your SSH keys"
+    how = (
+        ""
+        if url.startswith(("https:", "file:"))
+        else " with your SSH keys: what only these open is given away, your own and other robots' too"
+    )
     return f"{url}, {ref or 'its default branch'}: fetched here{how}"
 
 

@@ -74,7 +74,12 @@ TABLE = {
     "docker-socket": Kind(warned=(bind("/run/docker.sock"), bind("/proc"), bind("/run/user/0/x"), bind("/"))),
     "device": Kind(
         harmless=(device("/dev/video0"), device("/dev/snd"), *each("device_cgroup_rules", "c 81:* rw")),
-        warned=(device("/dev/lidar"), device("/dev/sda"), *each("device_cgroup_rules", "c 250:0 r", "b 1:1 r")),
+        warned=(
+            device("/dev/lidar"),
+            device("/dev/sda"),
+            device("/dev/ttyTHS1"),
+            *each("device_cgroup_rules", "c 250:0 r", "c 180:0 r", "b 1:1 r"),
+        ),
     ),
     "capability": Kind(
         harmless=each("cap_add", "IPC_LOCK", "CAP_SYS_NICE"),
