@@ -12,6 +12,7 @@ import re
 from srprov.codes import Code
 from srprov.definitions import words
 from srprov.definitions.groups import HostTree, Variables
+from srprov.definitions.unseen import blank
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Node, Scalar, Source
@@ -78,7 +79,7 @@ def _host(place: Scalar, group: str, tree: HostTree) -> None:
     except ValueError as error:
         tree.findings.add(place, f"cannot be split into words: {str(error).lower()}", code=Code.INVENTORY)
         return
-    if any(map(_COMMENT.search, pairs[:-1])) or any(one[:1] in ("#", ";") for one in pairs):
+    if any(_COMMENT.search(blank(one)) for one in pairs[:-1]) or any(one[:1] in ("#", ";") for one in pairs):
         message = "has a '#' or ';' that begins no comment: what stands behind it is read"
         tree.findings.add(place, message, (), "take it away, or put it at the end of the line", code=Code.INVENTORY)
         return

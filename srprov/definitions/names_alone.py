@@ -19,7 +19,7 @@ from msgspec.structs import replace
 
 from srprov import own_records
 from srprov.codes import Code
-from srprov.definitions.model import Host, Inventory
+from srprov.definitions.model import BUILDERS, Host, Inventory
 from srprov.definitions.script import is_program
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.regular_file import WHOLE, variables_beside
@@ -111,7 +111,10 @@ def of_records(paths: Collection[str], found: Inventory) -> Inventory:
     if not strange:
         return found
     hosts = {name: _place_of(host) for name, host in found.hosts.items()}
-    return replace(found, hosts=MappingProxyType(hosts), named=False, strange_record=strange)
+    groups = {name: robots for name, robots in found.groups.items() if name != BUILDERS}  # who builds is trusted by all
+    return replace(
+        found, hosts=MappingProxyType(hosts), groups=MappingProxyType(groups), named=False, strange_record=strange
+    )
 
 
 def _place_of(host: Host) -> Host:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 
+from srprov.definitions.unseen import blank
 from srprov.definitions.words import split
 
 _WITHOUT_EFFECT = set("46AaCfGgKkMNnqsTtVvXxYy")
@@ -26,7 +27,7 @@ def parse(text: str) -> list[tuple[str, str]]:
     """
     if len(text) > _LONGEST:
         raise ValueError(f"ssh's arguments are longer than {_LONGEST} characters")
-    if _COMMENT.search(text):  # what stands behind it is taken for a comment by who looks at it
+    if _COMMENT.search(blank(text)):  # what stands behind it is taken for a comment by who looks at it
         raise ValueError("ssh's arguments have a '#', which begins no comment there")
     try:
         words = split(text)

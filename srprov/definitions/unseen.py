@@ -49,7 +49,7 @@ def check(text: str, path: str) -> None:
     Raises:
         DefinitionError: It names the place.
     """
-    if any(stem and not _blank(stem).strip() for stem in (part.split(".")[0] for part in path.split("/"))):
+    if any(stem and not blank(stem).strip() for stem in (part.split(".")[0] for part in path.split("/"))):
         message = "is a file, or lies in a folder, whose name shows nothing"
         raise _refused(path, 1, 1, message, "look at the folder with `ls -b | cat -A`, and give it a name")
     if found := _UNSEEN.search(text):
@@ -60,7 +60,7 @@ def check(text: str, path: str) -> None:
         raise _refused(path, before.count("\n") + 1, found.start() - before.rfind("\n"), message, hint)
     empty = 0
     for number, line in enumerate(text.split("\n"), 1):
-        if not (seen := _blank(line).rstrip()):
+        if not (seen := blank(line).rstrip()):
             empty += 1
             continue
         if found := _BESIDE.search(seen):
@@ -72,7 +72,7 @@ def check(text: str, path: str) -> None:
         empty = 0
 
 
-def _blank(line: str) -> str:
+def blank(line: str) -> str:
     """Return a line with blanks, as many as it may show, for each tab, and for all else that shows nothing."""
     for one in () if line.isascii() else set(line) - {" "}:
         if one in _EMPTY or unicodedata.category(one) in _KINDS:
@@ -90,7 +90,7 @@ def check_keys(root: Node | None) -> None:
     while left:
         node = left.pop()
         for key in node.keys.values() if isinstance(node, Map) else ():
-            if _COMMENT.search(key.source.excerpt(key.line)[: key.column - 1]):
+            if _COMMENT.search(blank(key.source.excerpt(key.line)[: key.column - 1])):
                 message = "stands behind a '#', which begins no comment here: it is a part of a quoted text"
                 raise _refused(key.source.file, key.line, key.column, message, "write each value on a line of its own")
         left += node.entries.values() if isinstance(node, Map) else node.items if isinstance(node, Seq) else ()

@@ -149,10 +149,21 @@ def _qualifies(link: Link) -> bool:
     return not (ours or _FOREIGN.fullmatch(link.name))
 
 
+def is_a_hosts(address: Address) -> bool:
+    """Return whether an address may be one host's for others; not that of whoever asks, of all, or of none.
+
+    An IPv6 address that holds an IPv4 one is none that a robot has.
+    """
+    if isinstance(address, IPv6Address) and address.ipv4_mapped is not None:
+        return False
+    limited = address.version == 4 and address.is_reserved
+    return not (address.is_loopback or address.is_multicast or address.is_unspecified or limited)
+
+
 def _usable_addresses(link: Link) -> list[Address]:
     found = [ip_interface(address).ip for address in link.addresses]
     # A link-local IPv6 address means nothing without its interface; IPv4's is all that robots without DHCP have: last.
-    fit = [a for a in found if not (a.is_loopback or a.is_multicast or (a.version == 6 and a.is_link_local))]
+    fit = [a for a in found if is_a_hosts(a) and not (a.version == 6 and a.is_link_local)]
     return sorted(fit, key=lambda a: (a.version, a.is_link_local))
 
 

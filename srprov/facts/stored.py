@@ -12,6 +12,7 @@ from typing import Any
 
 from srprov.codes import Code
 from srprov.errors import UsageError
+from srprov.facts.links import is_a_hosts
 from srprov.facts.model import Docker, HostFacts, Link, Snapshot
 
 _HINT = "give a file that `srprov facts --json` wrote"
@@ -84,6 +85,6 @@ def _is_a(value: Any, wanted: str) -> bool:  # noqa: ANN401 - JSON is any
 def _is_address(text: str) -> bool:
     """Return whether a text is an address, and a plain one: in an IPv6 scope Python takes anything."""
     try:
-        return "%" not in text and bool(ip_address(text))
+        return "%" not in text and is_a_hosts(ip_address(text))
     except ValueError:
         return False

@@ -35,6 +35,7 @@ from srprov.planning.graver import (
 from srprov.planning.hardware import OTHERS, Places, of_hardware
 from srprov.planning.image_origin import not_from_a_registry
 from srprov.planning.log_options import of_logging
+from srprov.planning.repositories import fetched, of_repositories
 from srprov.planning.security_options import of_security
 
 KINDS = (
@@ -87,9 +88,11 @@ def permissions(
     written = _written(experiment)
     found = [one for service in experiment.services.values() for one in _of_service(service, written)]
     found += [one for service in experiment.services.values() for one in of_image(service, containers)]
-    found += [one for service in experiment.services.values() for one in _of_repositories(service, containers)]
+    for service in experiment.services.values():
+        asked = of_repositories(containers.get(service.cdf))
+        found += [Permission(kind="git", service=service.name, what=what) for what in asked]
     for name, url, ref in experiment.remote:
-        what = f"{_fetched(url, ref)}, a CDF in it says what the container is"
+        what = f"{fetched(url, ref)}, a CDF in it says what the container is"
         found.append(Permission(kind="git", service=name, what=what))
     found += _of_network(experiment.network)
     for service in experiment.services.values():
@@ -179,23 +182,6 @@ def of_image(service: Service, containers: Mapping[str, ContainerDefinition]) ->
         if source.startswith("FROM "):
             what = f"{source}: which ONBUILD instructions run then is not known"
         yield Permission(kind="engine-fetch", service=service.name, what=noted(what, TOLD))
-
-
-def _of_repositories(service: Service, containers: Mapping[str, ContainerDefinition]) -> Iterator[Permission]:
-    """Yield what git fetches on the controller, from wherever a stranger says."""
-    cdf = containers.get(service.cdf)
-    for one in cdf.repositories if cdf else ():
-        what = f"{_fetched(one.url, one.ref)}, its files go into the image"
-        yield Permission(kind="git", service=service.name, what=what)
-
-
-def _fetched(url: str, ref: str) -> str:
-    how = (
-        ""
-        if url.startswith(("https:", "file:"))
-        else " with your SSH keys: what only these open is given away, your own and other robots' too"
-    )
-    return f"{url}, {ref or 'its default branch'}: fetched here{how}"
 
 
 def _namespaces(run: Runtime, *, shared: bool) -> Iterator[tuple[str, str]]:

@@ -168,7 +168,8 @@ def test_the_inventory_of_a_record_names_no_command(project: Path, command: str)
     assert load_inventory([recorded]).hosts["r1"].ssh_options == (("proxycommand", "***"),)
 
 
-ALL = """all: {hosts: {r1: {ansible_host: 192.0.2.1, ansible_port: 2222, ansible_user: pi, srprov_tags: [arm],
+ALL = """all: {children: {builders: {hosts: {r1: }}, arms: {hosts: {r1: }}},
+  hosts: {r1: {ansible_host: 192.0.2.1, ansible_port: 2222, ansible_user: pi, srprov_tags: [arm],
   ansible_connection: local, ansible_password: word, ansible_become_password: word, ansible_ssh_private_key_file: key,
   ansible_ssh_common_args: "-o UserKnownHostsFile=.bashrc -o StrictHostKeyChecking=accept-new -o HostKeyAlias=ls"}}}
 """
@@ -185,10 +186,12 @@ def test_the_record_of_another_machine_says_only_where_robots_are(project: Path)
         assert (one.address, one.port, one.user, one.tags) == ("192.0.2.1", 2222, "pi", ("arm",))
         assert (one.connection, one.ssh_options, one.identity_file) == ("ssh", (), None)
         assert one.password is one.become_password is None
+        assert found.groups.keys() & {"builders", "arms"} == {"arms"}, "whose images the user's robots run says he"
         assert (found.named, found.strange_record) == (False, path), "nor is sudo's password told there"
     assert note_inventory(ALL) == ""
     found = load_inventory(["run/inputs/inventory.yml"])
     assert found.named and found.hosts["r1"].connection == "local", "this machine wrote it"
+    assert found.groups["builders"] == ("r1",)
     recorded.write_text(ALL.replace("2222", "2223"))
     assert not load_inventory(["run/inputs/inventory.yml"]).hosts["r1"].ssh_options, "and not what is there now"
     (project / "mine.yml").write_text(ALL)

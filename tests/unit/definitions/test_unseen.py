@@ -123,6 +123,9 @@ _LOOKS = {
   hosts: {robot1: }
 """,
     "d.yml": "all: {vars: {ansible_ssh_common_args: \"-o '# ' -o ProxyCommand=id\"}, hosts: {robot1: }}\n",
+    "e.yml": "all: {vars: {ansible_ssh_common_args: -o LogLevel=INFO\u2800# -o ProxyCommand=id}, hosts: {robot1: }}\n",
+    "f.yml": "all: {vars: {x: '\u200b# before: ', ansible_ssh_common_args: -o ProxyCommand=id}, hosts: {robot1: }}\n",
+    "e.ini": "robot1 place='joe\u3164# before: ' ansible_ssh_common_args='-o ProxyCommand=id'\n",
     "a.ini": "robot1 place='joe's x=' # before: ' ansible_ssh_common_args='-o ProxyCommand=id'\n",
     "b.ini": "robot1 ;before=2025 ansible_ssh_common_args='-o ProxyCommand=id'\n",
     "c.ini": "robot1 '#before'=2025 ansible_ssh_common_args='-o ProxyCommand=id'\n",

@@ -400,6 +400,12 @@ LINKLOCAL = {"ifname": "eth9", "flags": UP, "addr_info": [{"local": "169.254.3.4
             None, "local", "r", "10.9.0.2", [ETH0, VPN], ROUTES, ("eth0", "192.0.2.2"), id="local: not the user's SSH"
         ),
         pytest.param(None, "ssh", "r", "", [ETH0], [], ("eth0", "192.0.2.2"), id="no route, one interface"),
+        *(
+            pytest.param(
+                None, "ssh", "r", one, [{**ETH0, "addr_info": [{"local": one, "prefixlen": 8}]}], [], ("", ""), id=one
+            )
+            for one in ("0.0.0.0", "255.255.255.255", "240.0.0.1", "::", "::1", "::ffff:127.0.0.1", "127.0.0.2")
+        ),
         pytest.param(None, "ssh", "r", "", [ETH0, VPN], [], ("", ""), id="no route, two interfaces"),
         pytest.param(None, "ssh", "r", "169.254.3.4", [LINKLOCAL], [], ("eth9", "169.254.3.4"), id="no DHCP"),
         pytest.param("tun0", "ssh", "r", "192.0.2.2", [ETH0, VPN], ROUTES, ("tun0", "10.9.0.2"), id="wish: interface"),
