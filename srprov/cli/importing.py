@@ -35,9 +35,10 @@ def _home(_context: click.Context, _option: click.Parameter, name: str) -> str:
 
 def _joined(_context: click.Context, _option: click.Parameter, given: Sequence[str]) -> Sequence[str]:
     """Check that each is the key of a thing that files can have together."""
+    from srprov.conversion.apart import is_key
+
     for one in given:
-        kind, _, name = one.partition(".")
-        if one != "x-srprov" and (kind not in ("services", "volumes", "configs", "secrets") or not name):
+        if not is_key(one):
             hint = "name it as the refusal does, e.g. --join services.camera"
             raise UsageError(
                 f"--join {one[:60]}: is the key of nothing that files have", hint=hint, code=Code.OPTION_VALUE

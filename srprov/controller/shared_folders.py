@@ -1,7 +1,7 @@
 """Which other containers of a robot have a folder of a new one: who writes there may say what the other one runs.
 
-A plan says of places of data nothing more, and what lies there is often what another container starts, with its own
-rights and secrets. The robot's engine knows who mounts what. Pure, but for the question.
+A plan says of places of data only that they may be grave, and what lies there is often what another container starts,
+with its own rights and secrets. The robot's engine knows who mounts what. Pure, but for the question.
 """
 
 from __future__ import annotations

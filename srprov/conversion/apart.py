@@ -120,6 +120,12 @@ def hint(path: Path) -> str:
     return f"{_NEXT}--join {quote(key_of(path))}"
 
 
+def is_key(text: str) -> bool:
+    """Return whether a text may be what `key_of` calls a thing that files have together."""
+    kind, _, name = text.partition(".")
+    return text == SETTINGS or (kind in KINDS and bool(name))
+
+
 def key_of(path: Path) -> str:
     """Return what a thing is called in reports, and by the user: `services.camera`."""
     return ".".join(str(part) for part in path)

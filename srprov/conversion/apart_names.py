@@ -21,16 +21,16 @@ Named: TypeAlias = "dict[str, dict[tuple[int, frozenset[str]], str]]"
 
 def refuse(projects: Sequence[Project]) -> None:
     """Note a refusal where a service may take the name of one of a file apart, or of a host that this one asks."""
-    every = _every_file(projects)
     if not are_several(projects):
         return
-    called, asked = _called(projects), _asked(projects)
+    every, named = _every_file(projects), [_names(project) for project in projects]
+    called, asked = _called(projects, named), _asked(projects)
     for number, project in enumerate(projects):
-        for name in _services(project):
+        for name, hosts in named[number].items():
             path, files = ("services", name), _files(project, name)
             if joined(project, path):
                 continue
-            for host in sorted(_names(project, name)):
+            for host in sorted(hosts):
                 others = {**asked.get(host, {}), **called.get(host, {})}
                 if "." in host and (file := _strange_file(projects, (number, files), every)):
                     words = f"'{host[:60]}', of '{name[:60]}', may be a host elsewhere for services of {file}"
@@ -59,15 +59,19 @@ def are_several(projects: Sequence[Project]) -> bool:
 
 
 def _every_file(projects: Sequence[Project]) -> list[tuple[int, str]]:
-    return [(number, file) for number, one in enumerate(projects) for file in _all_files(one)]
+    return [
+        (number, file)
+        for number, project in enumerate(projects)
+        for file in sorted({file for name in _services(project) for file in _files(project, name)})
+    ]
 
 
-def _called(projects: Sequence[Project]) -> Named:
+def _called(projects: Sequence[Project], named: Sequence[Mapping[str, set[str]]]) -> Named:
     """Return each name by which Compose, or the experiment, knows a service."""
     found: Named = {}
     for number, project in enumerate(projects):
-        for name in _services(project):
-            for host in _names(project, name):
+        for name, hosts in named[number].items():
+            for host in hosts:
                 found.setdefault(host, {}).setdefault((number, _files(project, name)), name)
     return found
 
@@ -82,12 +86,16 @@ def _asked(projects: Sequence[Project]) -> Named:
     return found
 
 
-def _names(project: Project, name: str) -> set[str]:
-    given, links = _services(project)[name], names_used.links(_services(project))
-    further = [one for one, _ in names_used.further(name, project, links.get(name, ()))]
-    made = str(project.making.services[project.names[name]].get("hostname") or "")
-    some = (name, project.names[name], str(given.get("hostname") or ""), made, *further)
-    return {one.lower() for one in some if one}
+def _names(project: Project) -> dict[str, set[str]]:
+    """Return service (as Compose has it) -> its names, in lower case."""
+    services, found = _services(project), dict[str, set[str]]()
+    links = names_used.links(services)
+    for name, given in services.items():
+        further = [one for one, _ in names_used.further(name, project, links.get(name, ()))]
+        made = str(project.making.services[project.names[name]].get("hostname") or "")
+        some = (name, project.names[name], str(given.get("hostname") or ""), made, *further)
+        found[name] = {one.lower() for one in some if one}
+    return found
 
 
 def _took(projects: Sequence[Project], one: tuple[int, frozenset[str]], other: tuple[int, frozenset[str]]) -> bool:
@@ -116,7 +124,3 @@ def _services(project: Project) -> _Services:
 
 def _files(project: Project, service: str) -> frozenset[str]:
     return frozenset(one.at.file for one in project.notes.normal.parts.get(("services", service), ()))
-
-
-def _all_files(project: Project) -> list[str]:
-    return sorted({file for name in _services(project) for file in _files(project, name)})

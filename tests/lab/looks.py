@@ -8,11 +8,21 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import Any, TypeVar
 
 from tests.lab.conftest import BEGUN, ROOT, Lab
 
 _T = TypeVar("_T")
+
+
+def built(folder: Path, name: str, source: str) -> Path:
+    """Make a program of C that needs nothing else of a robot or a container, in a folder `bin`; return its path."""
+    (folder / "bin").mkdir()
+    (folder / f"{name}.c").write_text(source, encoding="utf-8")
+    program = folder / "bin" / name
+    subprocess.run(["gcc", "-static", "-o", str(program), str(folder / f"{name}.c")], check=True)
+    return program
 
 
 def wait_until(look: Callable[[], _T], seconds: float, what: str) -> _T:

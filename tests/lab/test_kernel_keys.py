@@ -10,6 +10,7 @@ import pytest
 
 from srprov.planning.security_options import UNCONFINED
 from tests.lab.conftest import Lab, busybox, edf, part_of_lab
+from tests.lab.looks import built
 
 pytestmark = pytest.mark.lab
 
@@ -40,10 +41,7 @@ int main(int count, char **word) {
 def test_the_plan_says_that_keys_of_root_are_read_without_a_profile(lab: Lab, tmp_path: Path) -> None:
     """Root of a container has root's number, by which the kernel knows whose keys are whose; usual ones ask in vain."""
     inventory = part_of_lab(lab, [ROBOT], tmp_path / "lab.yml")
-    (tmp_path / "bin").mkdir()
-    (tmp_path / "key.c").write_text(READER, encoding="utf-8")
-    program = tmp_path / "bin" / "key"
-    subprocess.run(["gcc", "-static", "-o", str(program), str(tmp_path / "key.c")], check=True)
+    program = built(tmp_path, "key", READER)
     subprocess.run([str(program), "srprov-test-disk", "its password"], check=True)  # root's, of each robot of a lab
 
     path = tmp_path / "keys.edf"

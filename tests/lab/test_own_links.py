@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import ipaddress
 import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
 
 from srprov.planning.graver import MAKES_LINKS
 from tests.lab.conftest import Lab, busybox, edf, part_of_lab
+from tests.lab.looks import built
 
 pytestmark = pytest.mark.lab
 
@@ -51,10 +51,7 @@ int main(int words, char **word) {
 def test_the_plan_says_that_a_container_makes_links_in_the_robot_s_network(lab: Lab, tmp_path: Path) -> None:
     """The robot's network has a number in the container's own, as its link's other end is there."""
     inventory = part_of_lab(lab, [ROBOT], tmp_path / "lab.yml")
-    (tmp_path / "bin").mkdir()
-    (tmp_path / "link.c").write_text(LINKER, encoding="utf-8")
-    program = tmp_path / "bin" / "link"
-    subprocess.run(["gcc", "-static", "-o", str(program), str(tmp_path / "link.c")], check=True)
+    built(tmp_path, "link", LINKER)
 
     path = tmp_path / "linking.edf"
     usual = {**busybox(), "volumes": ["./bin:/x"]}

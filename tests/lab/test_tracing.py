@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
 import time
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import pytest
 
 from srprov.planning.graver import TAKES_OVER
 from tests.lab.conftest import Lab, busybox, edf, part_of_lab
+from tests.lab.looks import built
 
 pytestmark = pytest.mark.lab
 
@@ -55,10 +55,7 @@ int main(int words, char **word) {
 def test_the_plan_says_that_a_container_takes_over_what_its_engine_starts(lab: Lab, tmp_path: Path) -> None:
     """A health check has all rights of root's until it runs; usual containers see it, and cannot trace it."""
     inventory = part_of_lab(lab, [ROBOT], tmp_path / "lab.yml")
-    (tmp_path / "bin").mkdir()
-    (tmp_path / "trace.c").write_text(TRACER, encoding="utf-8")
-    program = tmp_path / "bin" / "trace"
-    subprocess.run(["gcc", "-static", "-o", str(program), str(tmp_path / "trace.c")], check=True)
+    built(tmp_path, "trace", TRACER)
 
     path = tmp_path / "tracing.edf"
     check = {"test": ["CMD", "/x/trace", "well"], "interval": "1s", "timeout": "10s"}
