@@ -53,21 +53,22 @@ _DISK = re.compile(
 )
 A_DISK = f"a disk: {AS_ROOT}, if it is the robot's own"
 _HARMLESS = re.compile(
-    r"/dev/((video|media|v4l-subdev|radio|ttyUSB|ttyACM|i2c-|gpiochip|gpiomem|fb|rfcomm|pps|ptp|lirc|apex_"
-    r"|hailo|iio:device|watchdog|nvidia|spidev[0-9]+\.|input/js|input/mouse)[0-9]+"
-    r"|gpiomem|nvidiactl|nvidia-(uvm|uvm-tools|modeset)|nvmap|nvhost-[a-z0-9-]+|kfd|kvm|fuse|net|net/tun"
+    r"/dev/((video|media|v4l-subdev|radio|ttyUSB|ttyACM|fb|rfcomm|pps|lirc|apex_"
+    r"|hailo|iio:device|watchdog|nvidia|input/js|input/mouse)[0-9]+"
+    r"|nvidiactl|nvidia-(uvm|uvm-tools|modeset)|nvmap|nvhost-[a-z0-9-]+|kfd|kvm|fuse|net|net/tun"
     r"|null|zero|full|u?random|rfkill|input/mice|(snd|dri|dma_heap)(/.+)?|(serial|v4l)/by-(id|path)/[^/]+)"
 )
 """Parts that robots have, by the names that the kernel and udev give them; what is not named so may be anything.
 
 It may be memory, or a card that writes to it; keys, consoles, terminals; raw USB. So may be a serial line that is none
-of an adapter's: a robot's console is one.
+of an adapter's: a robot's console is one. I2C, SPI and pins (`gpiochip0`) lead to the chip that a board starts from, or
+to one that says how: a Raspberry Pi has both. A network card's clock (`ptp0`) is the robot's where it follows that.
 """
 HARMLESS = "a part that robots have, which is known to be harmless"
 _BY_NUMBER = re.compile(r"[ab] |c (\*|0*(1|10|21|90)):")
 """Rules for them, which a container can make a device of by itself; 21 and 90 are disks as characters."""
-_PARTS = frozenset({"29", "81", "89", "116", "153", "166", "188", "195", "226"})
-"""Characters that are screens, cameras, I2C, sound, SPI, serial adapters, graphics; source: the kernel's devices.txt.
+_PARTS = frozenset({"29", "81", "116", "166", "188", "195", "226"})
+"""Characters that are screens, cameras, sound, serial adapters, graphics; source: the kernel's devices.txt.
 
 A closed list: 4 and 204 are consoles, 13 keyboards, 189 raw USB with its disks, and from 234 on any kernel has its own.
 """

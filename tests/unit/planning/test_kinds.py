@@ -78,7 +78,8 @@ TABLE = {
             device("/dev/lidar"),
             device("/dev/sda"),
             device("/dev/ttyTHS1"),
-            *each("device_cgroup_rules", "c 250:0 r", "c 180:0 r", "b 1:1 r"),
+            device("/dev/i2c-1"),
+            *each("device_cgroup_rules", "c 250:0 r", "c 180:0 r", "c 89:* rw", "b 1:1 r"),
         ),
     ),
     "capability": Kind(

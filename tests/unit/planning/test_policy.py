@@ -201,22 +201,10 @@ DISKS = (
     *("mapper/root", "disk/by-id/x", "block/8:0", "./sda", "md127", "md/0", "mtd0", "mtdblock0", "loop0p1"),
     *("mem", "uinput", "vfio/12", "uhid", "hidraw0", "usbmon1", "tty1", "console", "ng0n1", "bus/usb/001/002", "input"),
     *("input/event3", "lidar", "vcio", "vchiq", "pts/0", "ttyS0", "ttyAMA0", "serial0", "kmsg", "cpu/0/msr", "tpmrm0"),
+    *("i2c-1", "spidev0.0", "gpiochip0", "gpiomem", "gpiomem0", "ptp0"),
     *("pmem0", "dasda", "bcache0", "uio0", "char/1:1", "snd\n", "video0/x", "net/x"),
 )
-PARTS_OF_ROBOTS = (
-    *(
-        "ttyUSB0",
-        "video0",
-        "snd",
-        "dri/renderD128",
-        "input/js0",
-        "i2c-1",
-        "spidev0.0",
-        "gpiochip0",
-        "snd/pcmC0D0p",
-        "media0",
-    ),
-)
+PARTS_OF_ROBOTS = ("ttyUSB0", "video0", "snd", "dri/renderD128", "input/js0", "snd/pcmC0D0p", "media0")
 
 
 @pytest.mark.parametrize(
@@ -232,7 +220,7 @@ PARTS_OF_ROBOTS = (
         *({"device_cgroup_rules": (rule,)} for rule in ("c 010:223 w", "c 01:1 r", "c 0021:* rw", "c 13:* w")),
         *(
             {"device_cgroup_rules": (rule,)}
-            for rule in ("c 4:1 r", "c 204:64 r", "c 189:* rw", "c 241:0 rw", "c 0:0 r")
+            for rule in ("c 4:1 r", "c 89:1 rw", "c 153:0 rw", "c 204:64 r", "c 189:* rw", "c 241:0 rw", "c 0:0 r")
         ),
     ],
 )
