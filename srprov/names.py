@@ -19,7 +19,11 @@ OWN_LABELS, DOCKERS_LABELS = "srprov", ("com.docker", "io.docker", "org.dockerpr
 """How labels of containers begin by which srprov, or a program of Docker's, knows its own."""
 
 _RULES = {
-    "instance": (re.compile(r"[a-z0-9-]{1,32}"), "lower-case letters, digits and '-', 32 at most"),
+    # it is a word of commands, also of those that an export's script runs, which take `-x` for an option
+    "instance": (
+        re.compile(r"[a-z0-9][a-z0-9-]{0,31}"),
+        "lower-case letters, digits and '-', 32 at most, starting with a letter or digit",
+    ),
     # no dot: it enters a hosts file, where `example.com` would take the place of another host
     "service": (
         re.compile(r"[a-z0-9]([a-z0-9_-]{0,61}[a-z0-9])?"),

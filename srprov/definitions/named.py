@@ -14,9 +14,7 @@ from srprov.errors import DefinitionError, UsageError
 from srprov.yamldoc import loader
 from srprov.yamldoc.nodes import Map, Scalar
 
-_LINE = re.compile(
-    r"^name\s*:\s*(?:([a-z0-9-]{1,32})|\"([a-z0-9-]{1,32})\"|'([a-z0-9-]{1,32})')\s*(?:#.*)?$", re.MULTILINE
-)
+_LINE = re.compile(r"""^name\s*:\s*(["']?)([a-z0-9][a-z0-9-]{0,31})\1\s*(?:#.*)?$""", re.MULTILINE)
 """What is looked for in a file that is no YAML any more."""
 
 
@@ -42,7 +40,7 @@ def experiment_name(path: str) -> str:
             hint="name the instance with --instance ID",
             code=Code.WHICH,
         )
-    return next(group for group in found.groups() if group)
+    return found[2]
 
 
 def _as_yaml(text: str, path: str) -> str:

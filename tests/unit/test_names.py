@@ -25,7 +25,9 @@ from srprov.wire import Reply
 from tests.unit.planning.test_policy import experiment
 
 ROOT = Path(__file__).parents[2]
-HOSTILE = ("../../../etc", "a\n", "a/b", "..", ".", "", "a b", "a\x1b[2J", "-a\0", "ä/", "$(id)", "a" * 300)
+_OUTSIDE = ("../../../etc", "a/b", "..", ".", "ä/")
+_OF_COMMANDS = ("-x", "--prune", "a b", "$(id)", "-a\0")
+HOSTILE = (*_OUTSIDE, *_OF_COMMANDS, "", "a\n", "a\x1b[2J", "a" * 300)
 
 
 @pytest.mark.parametrize("kind", ["instance", "service", "robot"])
