@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from srprov import regular_file
 from srprov.codes import Code
-from srprov.definitions import load_experiment
+from srprov.definitions import load_experiment, refuse_link_out
 from srprov.definitions.lockfile import Lock, lock_path
 from srprov.definitions.lockfile import load as load_lock
 from srprov.definitions.model import Definitions
@@ -64,9 +64,11 @@ def read_definitions(
 
     Raises:
         DefinitionError: With everything that is wrong with it, or with the lock.
-        UsageError: With all that the lock and the files differ in; or no service has such a profile.
+        UsageError: With all that the lock and the files differ in; or no service has such a profile; or a link leads
+            the file's name out of the folder that it is named in.
         RefusedError: A CDF is in a git repository, and the user did not allow to fetch it.
     """
+    refuse_link_out(file)
     found = chosen(_with_lock(file, allowed, environ, locked=locked), profiles)
     if not found.experiment.services:
         raise UsageError(
@@ -165,6 +167,7 @@ def is_edf_name(file: str) -> bool:
 def _signed(file: str, signers: str) -> PlanFile:
     from srprov.controller.signature import verified
 
+    refuse_link_out(file)
     hint = "leave --signers out, or sign a plan: srprov plan EDF -o plan.json --sign KEY"
     if is_edf_name(file):
         raise UsageError(f"--signers is for plans, and {file} is named like an EDF", hint=hint, code=Code.OPTIONS)
@@ -179,8 +182,9 @@ def saved_plan(file: str) -> PlanFile | None:
     """Return the plan that a file holds; None for one that holds something else.
 
     Raises:
-        UsageError: It cannot be read, or cannot be applied, or is named like an EDF.
+        UsageError: It cannot be read, or cannot be applied, or is named like an EDF; or a link leads its name out.
     """
+    refuse_link_out(file)
     try:
         if not regular_file.beginning(file, 200).lstrip().startswith(b"{"):
             return None

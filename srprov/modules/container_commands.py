@@ -22,6 +22,7 @@ from srprov.modules.module import (
     digest,
 )
 from srprov.modules.mount_kind import links_refused
+from srprov.modules.mount_places import places_refused
 from srprov.untrusted import mapping
 from srprov.wire import STOP_MARGIN_S, Command, EngineCall, Run, sh
 
@@ -63,9 +64,9 @@ def creation(name: str, want: ContainerParams, labels: Mapping[str, str] = Mappi
 
 
 def looks(want: ContainerParams) -> tuple[Command, ...]:
-    """Return what looks where mounted paths lead: an engine follows links each time that it starts a container."""
-    script = links_refused(str(m.get("Source")) for m in want.mounts if m.get("Type") == "bind")
-    return (Run(script=script),) if script else ()
+    """Return what looks where mounted paths lead, and where they go: links are followed each time that it starts."""
+    paths = links_refused(str(m.get("Source")) for m in want.mounts if m.get("Type") == "bind")
+    return tuple(Run(script=script) for script in (paths, places_refused(want.mounts)) if script)
 
 
 def stop(name: str, grace_s: float) -> EngineCall:

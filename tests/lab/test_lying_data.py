@@ -89,3 +89,30 @@ def test_data_that_is_moved_is_no_device_of_another_robot(lab_of_module: Lab, tm
         assert apply("robot2").code == 0
     finally:
         lab.srprov("destroy", str(path), "-i", inventory, "--yes", "--volumes", env=home)
+
+
+def test_data_that_is_moved_leads_no_other_mount_elsewhere(lab_of_module: Lab, tmp_path: Path) -> None:
+    """A link in it had the service's second volume mounted over the programs of the container's image."""
+    lab, path = lab_of_module, tmp_path / "nested.edf"
+    inventory = part_of_lab(lab, ["robot1", "robot2"], tmp_path / "lab.yml")
+    home = {"XDG_STATE_HOME": str(tmp_path / "state")}
+    place = "/var/lib/docker/volumes/srprov.nested.d/_data/logs"
+
+    def apply(robot: str) -> Done:
+        one = busybox(robot=robot, volumes=["d:/d", "logs:/d/logs"])
+        path.write_text(edf("nested", {"a": one}), encoding="utf-8")
+        words = ("apply", str(path), "-i", inventory, "--yes", "--settle", "0", "--data", "move")
+        return lab.srprov(*words, env=home)
+
+    try:
+        assert apply("robot1").code == 0
+        lab.shell("robot1", "sh", "-ec", f"rmdir {place} && ln -s /bin {place}")
+        done = apply("robot2")
+        assert done.code != 0 and "logs in the volume srprov.nested.d is a link" in done.out + done.err
+        assert lab.shell("robot2", "docker", "ps", "-aq", "--filter", "label=srprov.instance=nested").out == ""
+        lab.shell("robot2", "sh", "-ec", f"rm {place} && mkdir {place}")
+        assert apply("robot2").code == 0
+        mounted = lab.shell("robot2", "docker", "exec", "srprov.nested.a", "grep", " /d[ /]", "/proc/mounts").out
+        assert [line.split()[1] for line in mounted.splitlines()] == ["/d", "/d/logs"]
+    finally:
+        lab.srprov("destroy", str(path), "-i", inventory, "--yes", "--volumes", env=home)

@@ -123,3 +123,36 @@ def test_links_of_a_whole_path_are_the_user_s(tmp_path: Path, monkeypatch: pytes
     assert run(["init", str(tmp_path / "out" / "new")]) == 0
     assert run(["init", "below/new"]) == 0
     assert {one.name for one in (tmp_path / "away").iterdir()} == {"new", "below"}
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("bundle", "out/kept", "-o", "b.zip"),
+        ("report", "out/kept", "-o", "r.html"),
+        ("report", "mine", "-o", "r.html"),
+        ("export", "compose", "out/kept", "-o", "made"),
+        ("export", "swarm", "out/kept", *INVENTORY, "-o", "made"),
+        ("export", "kubernetes", "out/kept", *INVENTORY, "-o", "made"),
+        ("replay", "mine", *INVENTORY, "-o", "made"),
+        ("plan", "out/kept", *INVENTORY),
+        ("apply", "out/kept", "--yes", *INVENTORY),
+        ("run", "out/kept", "--yes", *INVENTORY),
+    ],
+)
+def test_nothing_is_passed_on_that_a_link_leads_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+) -> None:
+    """`bundle latest` packed a run of the user's that lies beside the project; an export had what his EDF ships."""
+    project, away = tmp_path / "project", tmp_path / "away"
+    for folder in (project, away):
+        folder.mkdir()
+    (away / "kept").write_text("edf: 1\nname: x\nservices: {a: {image: busybox}}\n")
+    (project / "inv.yml").write_text("all: {hosts: {r1: {ansible_host: 127.0.0.1, ansible_port: 1}}}\n")
+    (project / "out").symlink_to(away)
+    (project / "mine").symlink_to(away / "kept")
+    monkeypatch.chdir(project)
+    assert run(words) == 5
+    told = capsys.readouterr().err
+    assert "is a link that leads out of its folder" in told and f"name that: {away}" in told
+    assert {one.name for one in project.iterdir()} == {"inv.yml", "out", "mine"}

@@ -1,0 +1,49 @@
+"""Where a container's mounts go that lie below a volume of its own: no link in the volume's data leads them elsewhere.
+
+Whoever mounts a container's files follows such a link within the container. With one in the place of `/data/logs` the
+volume that belongs there is mounted over `/bin`, and what lies in it is what the container runs. Who has written to
+the data decides that: a robot that the data was moved from, or another container with the volume.
+"""
+
+from __future__ import annotations
+
+import itertools
+import posixpath
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from srprov.wire import quote
+
+_LOOK = """no_link() {
+  place=$(docker volume inspect --format '{{.Mountpoint}}' "$1" 2>/dev/null) && [ -d "$place" ] || return 0
+  volume=$1 && shift
+  for part; do
+    [ ! -L "$place/$part" ] && continue
+    echo "$part in the volume $volume is a link, and what belongs there would be mounted where it leads:" \\
+      "make a folder of it" >&2
+    exit 1
+  done
+}"""
+
+
+def places_refused(mounts: Iterable[Mapping[str, Any]]) -> str:
+    """Return a script that fails where a link in a volume's data is on the way to a mount below it; or nothing.
+
+    Takes a container's mounts in the engine's form. A volume that is not there yet has no data.
+    """
+    at = {posixpath.normpath(f"/{str(one['Target']).lstrip('/')}"): one for one in mounts}
+    ways: dict[str, dict[str, None]] = {}
+    for target in sorted(at):
+        above = next((one for one in _above(target) if one in at), None)
+        if above is None or at[above]["Type"] != "volume" or not at[above].get("Source"):
+            continue
+        parts = posixpath.relpath(target, above).split("/")
+        ways.setdefault(str(at[above]["Source"]), {}).update(dict.fromkeys(itertools.accumulate(parts, posixpath.join)))
+    lines = (f"no_link {' '.join(map(quote, (volume, *parts)))}" for volume, parts in sorted(ways.items()))
+    return "\n".join([_LOOK, *lines]) if ways else ""
+
+
+def _above(target: str) -> Iterable[str]:
+    """Yield the folders that a path lies in, the nearest one first."""
+    while (target := posixpath.dirname(target)) != "/":
+        yield target
