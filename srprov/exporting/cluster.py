@@ -7,17 +7,16 @@ multicast, so what finds its peers by it is told of them.
 from __future__ import annotations
 
 import errno
-import hashlib
 import posixpath
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import msgspec
 from msgspec.structs import replace
 
 from srprov.definitions.containermodel import Mount, Runtime
-from srprov.definitions.model import NO_REGISTRY, Experiment, Service
-from srprov.exporting.images import Built
+from srprov.definitions.model import Experiment, Service
+from srprov.exporting.images import Built, image_name
 from srprov.exporting.model import ADAPTED, REFUSED, File, Machine, Path, Remark
 from srprov.exporting.wanted import Wanted
 from srprov.network.discovery import Discovery, discovery_of
@@ -25,7 +24,6 @@ from srprov.network.layout import ON_OVERLAY
 from srprov.network.model import Overlay
 
 _PLAIN = Runtime()
-_TAG_LENGTH = 32
 
 
 class Shipped(msgspec.Struct, frozen=True, kw_only=True):
@@ -109,17 +107,8 @@ def levels(services: Mapping[str, Service]) -> tuple[tuple[str, ...], ...]:
 
 
 def image_names(experiment: Experiment, built: Mapping[str, Built]) -> dict[str, str]:
-    """Return CDF's key -> the name of its image, which changes with the content of its folder.
-
-    Its registry is none, so that a node without the image fails: as `NAME/…` it would take what somebody of that name
-    has on Docker Hub. What the experiment is called ends at a `/`, so no other one has an image of such a name.
-    """
-    return {key: f"{NO_REGISTRY}/{experiment.name}/{one.name}:{_hash(one.files)}" for key, one in built.items()}
-
-
-def _hash(files: Iterable[File]) -> str:
-    sums = sorted(f"{one.path}\0{one.mode}\0{one.link}\0{hashlib.sha256(one.content).hexdigest()}" for one in files)
-    return hashlib.sha256("\n".join(sums).encode()).hexdigest()[:_TAG_LENGTH]
+    """Return CDF's key -> the name of its image."""
+    return {key: image_name(experiment.name, one.name, one) for key, one in built.items()}
 
 
 def builds(built: Mapping[str, Built]) -> Iterator[File]:

@@ -15,7 +15,6 @@ from msgspec.structs import replace
 from srprov.codes import Code
 from srprov.definitions.model import EXPORTED, Experiment, Service
 from srprov.errors import DefinitionError, UsageError
-from srprov.exporting import cluster
 from srprov.exporting.images import Built, built
 from srprov.exporting.model import Export, File, Machine, Need, Part
 from srprov.exporting.mounts import Shipping
@@ -74,8 +73,7 @@ def _machine(wanted: Wanted, machine: Machine, reach: Reach, images: Mapping[str
         experiment=experiment, machine=machine, reach=reach, open=wanted.open, env_files=wanted.env_files,
         shipping=Shipping(experiment=experiment, machine=machine, shipped=wanted.shipped),
         images={key: one.image for key, one in containers.items() if one.image}, built=images,
-        tags=cluster.image_names(experiment, images), profiles=wanted.profiles,
-        platforms={key: one.platforms for key, one in containers.items()},
+        profiles=wanted.profiles, platforms={key: one.platforms for key, one in containers.items()},
     )  # fmt: skip
     services = [experiment.services[name] for name in machine.services]
     parts = {one.name: around.part(one) for one in services}

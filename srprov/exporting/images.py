@@ -6,13 +6,16 @@ label and the marks of its builds, whoever is given the folder: nothing is left 
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import posixpath
+import re
 from collections.abc import Collection, Mapping
 
 import msgspec
 
 from srprov.definitions.containermodel import ContainerDefinition
+from srprov.definitions.model import NO_REGISTRY
 from srprov.definitions.repository_names import WHY, is_kept_name
 from srprov.exporting.model import File
 from srprov.exporting.variables import Open
@@ -26,6 +29,7 @@ _OF_BUILDERS = frozenset({"dockerfile", "containerfile", "dockerfile.dockerignor
 
 A folder is none. Source: buildah's DiscoverContainerfile and ContainerIgnoreFile, podman-compose, Docker's `build -f`.
 """
+_HASH_LENGTH = 32
 _WHY = "a builder would go by it, and nobody looked at it"
 
 
@@ -40,6 +44,23 @@ class Built(msgspec.Struct, frozen=True, kw_only=True):
     """What it takes of the environment of whoever builds it."""
     moving: tuple[str, ...] = ()
     """In words, which commit its code repositories are now, and what of its files is left out."""
+
+
+def image_name(experiment: str, of: str, one: Built) -> str:
+    """Return the name of an image that is built, which changes with the content of its folder.
+
+    Its registry is none, so that a node without the image fails: as `NAME/…` it would take what somebody of that name
+    has on Docker Hub. No other experiment has an image of such a name: the hash has both names whole, since not each
+    may stand in an image's, such as `nav-`.
+    """
+    sums = sorted(f"{one.path}\0{one.mode}\0{one.link}\0{hashlib.sha256(one.content).hexdigest()}" for one in one.files)
+    made = hashlib.sha256("\n".join((experiment, of, *sums)).encode()).hexdigest()[:_HASH_LENGTH]
+    return f"{NO_REGISTRY}/{_as_part(experiment)}/{_as_part(of)}:{made}"
+
+
+def _as_part(name: str) -> str:
+    """Return a name, which begins with a letter or digit, as Docker allows it between two `/` of an image's."""
+    return re.sub(r"[^a-z0-9]+", "-", name).strip("-")
 
 
 def built(

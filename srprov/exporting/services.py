@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 
 from srprov.definitions.model import Experiment, Service
-from srprov.exporting.images import Built
+from srprov.exporting.images import Built, image_name
 from srprov.exporting.model import ADAPTED, DROPPED, File, Machine, Part, Remark
 from srprov.exporting.mounts import Shipping
 from srprov.exporting.reach import Reach
@@ -39,8 +39,6 @@ class Surroundings(msgspec.Struct, frozen=True, kw_only=True):
     images: Mapping[str, str]
     """Service of an image CDF -> the image, as CDFs say it."""
     built: Mapping[str, Built]
-    tags: Mapping[str, str]
-    """CDF's key -> the name of its image, of those that are built."""
     open: Open
     env_files: Mapping[str, Mapping[str, str]]
     """Service in the EDF -> what its env_files say."""
@@ -88,8 +86,10 @@ class Surroundings(msgspec.Struct, frozen=True, kw_only=True):
         platforms = self.platforms.get(service.cdf, ())
         only = {"platform": platforms[0]} if len(platforms) == 1 else {}
         args = {"args": list(one.variables)} if one.variables else {}
-        # Compose's own name, PROJECT-SERVICE, is that of another project and service with the '-' elsewhere, too
-        return {"image": self.tags[service.cdf], "build": {"context": f"./build/{one.name}", **args}, **only}
+        # Compose's own name, PROJECT-SERVICE, is that of another project and service with the '-' elsewhere, too; and
+        # where services share a name that they build, all but one fail on an engine with containerd's store
+        image = image_name(self.experiment.name, service.name, one)
+        return {"image": image, "build": {"context": f"./build/{one.name}", **args}, **only}
 
     def _environment(self, service: Service, more: Mapping[str, str]) -> tuple[dict[str, str | None], str]:
         """Return `environment`, and the text of the env_file: what the EDF's files say, as far as it still holds."""

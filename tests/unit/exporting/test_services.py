@@ -11,6 +11,7 @@ from jsonschema import Draft202012Validator
 from srprov import data
 from srprov.errors import RefusedError, UsageError
 from srprov.exporting.report import report_json
+from srprov.image_reference import parse_reference
 from tests.unit.exporting.clusters import documents, on_cluster
 from tests.unit.exporting.exports import classes, contents, document, experiment, notes, twin
 
@@ -117,8 +118,28 @@ def test_no_project_has_the_image_of_another_experiment_s_service(tmp_path: Path
         edf = experiment(tmp_path / name, text, db_dot_cdf=f"cdf: 1\nbase: x\nrun: echo {name}\n")
         edf.write_text(edf.read_text().replace("name: demo", f"name: {name}"))
         images.append(document(twin(edf))["services"][service]["image"].rpartition(":"))
-    assert [one[0] for one in images] == ["srprov.invalid/nav/db", "srprov.invalid/nav-planner/db"]
+    assert [one[0] for one in images] == ["srprov.invalid/nav/planner-db", "srprov.invalid/nav-planner/db"]
     assert len({one[2] for one in images}) == 2  # another state of an experiment is built anew, too
+
+
+def test_services_of_one_cdf_build_an_image_each(tmp_path: Path) -> None:
+    """Compose builds both at once: with containerd's store one of them failed, as the other one's name was there."""
+    text = "services: {talker: {cdf: a.cdf}, listener: {cdf: a.cdf}}"
+    services = document(twin(experiment(tmp_path, text, a_dot_cdf="cdf: 1\nbase: x\n")))["services"].values()
+    assert {one["build"]["context"] for one in services} == {"./build/a"}
+    assert len({one["image"] for one in services}) == 2
+
+
+def test_an_image_has_a_name_that_docker_takes_whatever_the_experiment_and_the_service_are_called(
+    tmp_path: Path,
+) -> None:
+    names = set()
+    for name in ("nav-", "nav", "nav--"):
+        edf = experiment(tmp_path, "services: {a___b: {cdf: a.cdf}, a-b: {cdf: a.cdf}}", a_dot_cdf="cdf: 1\nbase: x\n")
+        edf.write_text(edf.read_text().replace("name: demo", f"name: '{name}'"))
+        names |= {one["image"] for one in document(twin(edf))["services"].values()}
+    assert len(names) == 6
+    assert {parse_reference(one).domain for one in names} == {"srprov.invalid"}
 
 
 def test_only_what_is_not_the_default_is_written(tmp_path: Path) -> None:
