@@ -24,17 +24,16 @@ def refuse(projects: Sequence[Project]) -> None:
     if not are_several(projects):
         return
     every, named = _every_file(projects), [_names(project) for project in projects]
-    called, asked = _called(projects, named), _asked(projects)
+    claimed = _claimed(projects, named)
     for number, project in enumerate(projects):
         for name, hosts in named[number].items():
             path, files = ("services", name), _files(project, name)
             if joined(project, path):
                 continue
             for host in sorted(hosts):
-                others = {**asked.get(host, {}), **called.get(host, {})}
                 if "." in host and (file := _strange_file(projects, (number, files), every)):
                     words = f"'{host[:60]}', of '{name[:60]}', may be a host elsewhere for services of {file}"
-                elif far := _other(projects, (number, files), others):
+                elif far := _other(projects, (number, files), claimed.get(host, {})):
                     words = f"'{host[:60]}', of '{name[:60]}', is a name that {far} has, or asks"
                 else:
                     continue
@@ -47,7 +46,7 @@ def _other(
 ) -> str:  # fmt: skip
     """Return in words which service of a file apart has a name, or asks it; empty if none does."""
     for (number, files), name in others.items():
-        if _took(projects, own, (number, files)) and not joined(projects[number], ("services", name)):
+        if _took(projects, own, (number, files)):
             return f"'{name[:60]}' of {min(files)}"
     return ""
 
@@ -66,22 +65,18 @@ def _every_file(projects: Sequence[Project]) -> list[tuple[int, str]]:
     ]
 
 
-def _called(projects: Sequence[Project], named: Sequence[Mapping[str, set[str]]]) -> Named:
-    """Return each name by which Compose, or the experiment, knows a service."""
-    found: Named = {}
-    for number, project in enumerate(projects):
-        for name, hosts in named[number].items():
-            for host in hosts:
-                found.setdefault(host, {}).setdefault((number, _files(project, name)), name)
-    return found
+def _claimed(projects: Sequence[Project], named: Sequence[Mapping[str, set[str]]]) -> Named:
+    """Return each name by which Compose, or the experiment, knows a service, and each that one has an address for.
 
-
-def _asked(projects: Sequence[Project]) -> Named:
-    """Return each host elsewhere for which a service has an address."""
+    Joined services have none that counts: others of the same files still do.
+    """
     found: Named = {}
     for number, project in enumerate(projects):
         for name, given in _services(project).items():
-            for host in {str(one).partition("=")[0].lower() for one in given.get("extra_hosts") or ()}:
+            if joined(project, ("services", name)):
+                continue
+            asked = {str(one).partition("=")[0].lower() for one in given.get("extra_hosts") or ()}
+            for host in named[number][name] | asked:
                 found.setdefault(host, {}).setdefault((number, _files(project, name)), name)
     return found
 

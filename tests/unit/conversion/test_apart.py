@@ -356,6 +356,20 @@ def test_no_service_has_a_name_of_one_of_a_file_apart(
     assert "which is apart" not in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("joined", ["a", "b"])
+def test_a_service_that_is_joined_lets_no_other_of_its_file_be_asked_elsewhere(
+    theirs: str, capsys: pytest.CaptureFixture[str], joined: str
+) -> None:
+    """Of several services of a file only the first was looked at."""
+    asks = "{image: x, extra_hosts: [vault=10.9.9.9]}"
+    Path("lab/mine.yml").write_text(f"services: {{a: {asks}, b: {asks}}}\n")
+    both = ["--join", "services.a", "--join", "services.b"]
+    text = "services: {vault: {image: y}}"
+    assert importing(theirs, text, "--join", f"services.{joined}") == 5
+    refused(capsys.readouterr(), "services.vault")
+    assert importing(theirs, text, *both) == 0, capsys.readouterr()
+
+
 def test_what_files_apart_open_to_each_other_is_told(theirs: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Compose kept the user's database, without a password, on a network of its own."""
     Path("lab/mine.yml").write_text(
