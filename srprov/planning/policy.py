@@ -92,7 +92,7 @@ def permissions(
         asked = of_repositories(containers.get(service.cdf))
         found += [Permission(kind="git", service=service.name, what=what) for what in asked]
     for name, url, ref in experiment.remote:
-        what = f"{fetched(url, ref)}, a CDF in it says what the container is"
+        what = fetched(url, ref, "a CDF in it says what the container is")
         found.append(Permission(kind="git", service=name, what=what))
     found += _of_network(experiment.network)
     for service in experiment.services.values():

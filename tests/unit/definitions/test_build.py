@@ -120,8 +120,8 @@ repositories:
         (
             "git",
             "s",
-            "git@h:lab/msgs, its default branch: fetched here with your SSH keys: what only "
-            "these open is given away, your own and other robots' too, its files go into the image",
+            "git@h:lab/msgs, its default branch: fetched here, its files go into the image; git takes your SSH keys, "
+            "so what only these open is given away, your own and other robots' too",
         ),
         ("git", "s", "https://h/driver.git, v2: fetched here, its files go into the image"),
         *sorted(("outside", "s", str(path)) for path in (elsewhere, here / "own.git")),
