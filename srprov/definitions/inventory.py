@@ -22,7 +22,8 @@ from srprov.yamldoc import loader, nodes
 from srprov.yamldoc.allowance import allowance
 from srprov.yamldoc.nodes import Map, Node, Scalar, Source
 
-_NOT_INVENTORIES = ("~", ".orig", ".bak", ".cfg", ".retry", ".pyc", ".pyo", ".swp", ".md", ".rst", ".txt")
+_NOT_INVENTORIES = (".orig", ".cfg", ".retry", ".swp", ".md", ".rst", ".txt")
+"""Beside what is not shown, see `unseen.is_shown`."""
 _LOOKS_LIKE_YAML = re.compile(r"---|[{%]|.*:(\s|$)|-\s")
 _NAME_IT = "if you trust it, name it yourself: -i FILE, or its whole path in your own ~/.config/srprov/srprov.toml"
 _MOST_BYTES = 16 * 1024 * 1024
@@ -213,7 +214,7 @@ def _read_variables(folder: str, tree: HostTree, unnamed: str) -> None:
 def _variables(folder: str, name: str, tree: HostTree, unnamed: str) -> Variables:
     """Read a host's or group's file, or every file of its folder; one that is wholly a vault says nothing to us."""
     found: Variables = {}
-    if not name or "/" in name or name[0] == "." or name[-1] == "~":  # hidden, by `.yml` too, as below: nobody sees it
+    if not name or "/" in name or name[-1] == "~":  # a copy, also with `.yml` behind it
         return found
     for file in filter(unseen.is_shown, (name + suffix for suffix in ("", ".yml", ".yaml", ".json"))):
         path = os.path.join(folder, file)

@@ -4,9 +4,8 @@ Takes a text, the first line of a program, or the name of a file; raises, or tel
 managers hide files. An inventory may run a program here, so its user looks at it first. A character that ends a line to
 a parser, and to no editor, makes a setting of what stands in a comment; one that moves a terminal's cursor, or turns
 the writing around, hides one; so do blanks, behind which it stands beside the window, whatever character shows as one,
-and empty lines, behind which it stands below it; and a setting behind a `#` in a quoted text is seen as a comment. And
-a file that shows data may be a program by its first line; and one
-that is not shown among the others is not looked at at all.
+and empty lines, behind which it stands below it. A setting behind a `#` in a quoted text is seen as a comment. A file
+that shows data may be a program by its first line; and one that is not shown among the others is not looked at at all.
 """
 
 from __future__ import annotations
