@@ -46,7 +46,7 @@ def _other(
 ) -> str:  # fmt: skip
     """Return in words which service of a file apart has a name, or asks it; empty if none does."""
     for (number, files), name in others.items():
-        if _took(projects, own, (number, files)):
+        if (number, files) != own and _took(projects, own, (number, files)):  # of such files, it is refused as a whole
             return f"'{name[:60]}' of {min(files)}"
     return ""
 

@@ -356,6 +356,14 @@ def test_no_service_has_a_name_of_one_of_a_file_apart(
     assert "which is apart" not in capsys.readouterr().out
 
 
+def test_a_service_of_two_files_is_refused_once(theirs: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """It was said, too, that it has its own name."""
+    Path("lab/mine.yml").write_text("services: {own: {image: x}}\n")
+    assert importing(theirs, "services: {own: {init: true}}") == 5
+    said = capsys.readouterr().out
+    assert "the service 'own' is of " in said and "0 dropped, 1 refused" in said
+
+
 @pytest.mark.parametrize("joined", ["a", "b"])
 def test_a_service_that_is_joined_lets_no_other_of_its_file_be_asked_elsewhere(
     theirs: str, capsys: pytest.CaptureFixture[str], joined: str
