@@ -73,10 +73,14 @@ def check(text: str, path: str) -> None:
 
 def blank(line: str) -> str:
     """Return a line with blanks, as many as it may show, for each tab, and for all else that shows nothing."""
+    return _with_blanks(line, _WIDE).replace("\t", _TAB)
+
+
+def _with_blanks(line: str, blanks: str) -> str:
     for one in () if line.isascii() else set(line) - {" "}:
         if one in _EMPTY or unicodedata.category(one) in _KINDS:
-            line = line.replace(one, _WIDE)
-    return line.replace("\t", _TAB)
+            line = line.replace(one, blanks)
+    return line
 
 
 def check_keys(root: Node | None) -> None:
@@ -86,13 +90,22 @@ def check_keys(root: Node | None) -> None:
         DefinitionError: It names the place.
     """
     left = [root] if root is not None else []
+    comments: dict[int, int] = {}  # a program writes all robots in one line: it is looked at once, not for each key
     while left:
         node = left.pop()
         for key in node.keys.values() if isinstance(node, Map) else ():
-            if _COMMENT.search(blank(key.source.excerpt(key.line)[: key.column - 1])):
+            if key.line not in comments:
+                comments[key.line] = _comment_in(key.source.excerpt(key.line))
+            if comments[key.line] < key.column:
                 message = "stands behind a '#', which begins no comment here: it is a part of a quoted text"
                 raise _refused(key.source.file, key.line, key.column, message, "write each value on a line of its own")
         left += node.entries.values() if isinstance(node, Map) else node.items if isinstance(node, Seq) else ()
+
+
+def _comment_in(line: str) -> int:
+    """Return the column of what looks like the beginning of a comment; of none, the one behind the line."""
+    found = _COMMENT.search(_with_blanks(line, " "))  # one for each character: columns stay as they are
+    return found.end() if found else len(line) + 1
 
 
 def check_program(path: str, first_line: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -164,3 +165,10 @@ def test_the_inventory_of_a_record_has_robots_with_a_hash_in_a_line(tmp_path: Pa
     file.parent.mkdir()
     file.write_text('{"all": {"hosts": {"robot1": {"srprov_tags": ["arm #2"], "ansible_host": "10.0.0.1"}}}}\n')
     assert load_inventory([file]).hosts["robot1"].address == "10.0.0.1"
+
+
+def test_an_inventory_of_many_robots_in_one_line_is_read_at_once(tmp_path: Path) -> None:
+    """As a program writes it: the line was looked at anew for each key, for minutes where robots are thousands."""
+    hosts = {f"r{one}": {"ansible_host": "10.0.0.1", "note": "arm" * 9} for one in range(2000)}
+    (tmp_path / "hosts.json").write_text(json.dumps({"all": {"hosts": hosts}}))
+    assert bounded(lambda: len(load_inventory([tmp_path / "hosts.json"]).hosts)) == len(hosts)
