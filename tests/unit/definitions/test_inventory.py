@@ -34,7 +34,7 @@ all:
         ansible_user: robot
         ansible_become: yes
         ansible_ssh_common_args: >-
-          -o ProxyJump=gw.lab -o "UserKnownHostsFile /lab/known hosts" -o StrictHostKeyChecking=yes
+          -o ProxyJump=gw.lab -o "UserKnownHostsFile /lab/known /lab/hosts" -o StrictHostKeyChecking=yes
       children:
         turtlebots:
           hosts:
@@ -80,7 +80,7 @@ def test_variables_are_inherited_and_read(real: Inventory) -> None:
     assert turtle.groups == ("robots", "turtlebots")
     assert turtle.ssh_options == (
         ("proxyjump", "gw.lab"),
-        ("userknownhostsfile", "/lab/known hosts"),
+        ("userknownhostsfile", "/lab/known /lab/hosts"),
         ("stricthostkeychecking", "yes"),
     )
     assert turtle.location.line == 24

@@ -171,7 +171,7 @@ def test_the_inventory_of_a_record_names_no_command(project: Path, command: str)
 ALL = """all: {children: {builders: {hosts: {r1: }}, arms: {hosts: {r1: }}},
   hosts: {r1: {ansible_host: 192.0.2.1, ansible_port: 2222, ansible_user: pi, srprov_tags: [arm],
   ansible_connection: local, ansible_password: word, ansible_become_password: word, ansible_ssh_private_key_file: key,
-  ansible_ssh_common_args: "-o UserKnownHostsFile=.bashrc -o StrictHostKeyChecking=accept-new -o HostKeyAlias=ls"}}}
+  ansible_ssh_common_args: "-o UserKnownHostsFile=~/.bashrc -o StrictHostKeyChecking=accept-new -o HostKeyAlias=ls"}}}
 """
 
 
