@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 
 import msgspec
 
+from srprov.facts.every_link import EVERY_LINK, every_link
 from srprov.facts.model import HostFacts
 from srprov.facts.runc import REMEDY, RUNC, runc
 from srprov.time_sync import TimeSync
@@ -84,6 +85,7 @@ def precondition_queries() -> tuple[AnyQuery, ...]:
             "iptables -V >/dev/null 2>&1 && echo iptables && exit; echo none"
         ),
         RUNC,
+        EVERY_LINK,
     )
 
 
@@ -95,7 +97,7 @@ def judge(facts: HostFacts, replies: Sequence[Reply], clock: Clock) -> tuple[Che
         replies: to `precondition_queries`, in its order.
         clock: its clock, as measured.
     """
-    programs, vxlan, forwarding, as_json, rules, version = replies
+    programs, vxlan, forwarding, as_json, rules, version, asking = replies
     return (
         _rights(facts),
         *_programs(programs, as_json),
@@ -103,6 +105,7 @@ def judge(facts: HostFacts, replies: Sequence[Reply], clock: Clock) -> tuple[Che
         _check("runc", *runc(version), REMEDY, Verdict.WARNING),
         *_network(facts, vxlan, forwarding),
         _rules(rules),
+        *(_check(*judged, Verdict.WARNING) for judged in every_link(asking, facts)),
         _wireguard(facts),
         _disk(facts),
         _clock(clock),

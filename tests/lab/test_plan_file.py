@@ -112,3 +112,23 @@ def test_doctor_finds_the_labs_robots_well(trial: tuple[Lab, str, str]) -> None:
     for checks in done.json["robots"].values():
         assert len(checks) >= 10
         assert [check for check in checks if check["verdict"] == "failed"] == []
+
+
+def test_doctor_warns_of_a_program_that_asks_on_every_link(trial: tuple[Lab, str, str]) -> None:
+    """A process of the robot's own with the name of one is told; in a container's network it is not."""
+    lab, inventory, _ = trial
+    script = "ln -s /bin/sleep /run/$2; $1 setsid /run/$2 600 </dev/null >/dev/null 2>&1 & sleep 0.2"
+    lab.shell("robot1", "sh", "-c", script, "sh", "", "avahi-daemon")
+    lab.shell("robot2", "sh", "-c", script, "sh", "unshare --net", "avahi-daemon")
+    try:
+        done = lab.srprov("doctor", "-i", inventory, "--json")
+    finally:
+        for robot in ROBOTS:
+            lab.shell(robot, "sh", "-c", "kill $(pidof avahi-daemon); rm /run/avahi-daemon")
+
+    assert done.code == 0, done
+    verdicts = {
+        robot: [check["verdict"] for check in checks if check["check"] == "avahi"]
+        for robot, checks in done.json["robots"].items()
+    }
+    assert verdicts == {"robot1": ["warning"], "robot2": ["ok"]}

@@ -143,7 +143,7 @@ def test_doctor_prints_what_its_schema_says() -> None:
     """With all verdicts, and with a robot that cannot be reached."""
     well, bad = (
         judge(WELL, replies(*GOOD), RIGHT),
-        judge(replace(WELL, docker=None), replies("", "", "0", "", "none", ""), RIGHT),
+        judge(replace(WELL, docker=None), replies("", "", "0", "", "none", "", ""), RIGHT),
     )
     document = doctor_json({"r1": well, "r2": bad}, {"r3": "no route"})
     assert {check["verdict"] for checks in document["robots"].values() for check in checks} == {

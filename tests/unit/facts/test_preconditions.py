@@ -25,7 +25,7 @@ WELL = HostFacts(
 )
 RIGHT = Clock(offset_s=0.0004, error_s=0.0015, kept_by=None)
 RUNC = '{"Components": [{"Name": "containerd", "Version": "1.6.20"}, {"Name": "runc", "Version": "1.3.3"}]}'
-GOOD = ("", "loaded\n", "1\n", '[{"ifname":"lo"}]', "nftables\n", RUNC)
+GOOD = ("", "loaded\n", "1\n", '[{"ifname":"lo"}]', "nftables\n", RUNC, "")
 
 
 def replies(*texts: str) -> list[Reply]:
@@ -71,8 +71,11 @@ def test_a_robot_that_has_all_is_well() -> None:
         ({"underlay_address": ""}, GOOD, "underlay", Verdict.FAILED, "srprov_underlay"),
         ({"underlay_mtu": 576}, GOOD, "mtu", Verdict.WARNING, "1280"),
         ({}, (*GOOD[:2], "0\n", *GOOD[3:]), "forwarding", Verdict.WARNING, "ip_forward"),
-        ({}, (*GOOD[:4], "none\n", RUNC), "rules", Verdict.FAILED, "apt-get install nftables"),
-        ({}, (*GOOD[:5], RUNC.replace("1.3.3", "1.1.5+ds1")), "runc", Verdict.WARNING, "1.2.8"),
+        ({}, (*GOOD[:4], "none\n", *GOOD[5:]), "rules", Verdict.FAILED, "apt-get install nftables"),
+        ({}, (*GOOD[:5], RUNC.replace("1.3.3", "1.1.5+ds1"), ""), "runc", Verdict.WARNING, "1.2.8"),
+        ({}, (*GOOD[:6], "avahi-daemon\n"), "avahi", Verdict.WARNING, "allow-interfaces=eth0 below"),
+        ({}, (*GOOD[:6], "llmnr\nsystemd-resolve\n"), "resolved", Verdict.WARNING, "LLMNR=no"),
+        ({}, (*GOOD[:6], "dhcpcd\n"), "dhcpcd", Verdict.WARNING, "denyinterfaces veth*"),
         ({"disk_free": 2**20}, GOOD, "disk", Verdict.WARNING, "prune"),
     ],
 )
