@@ -46,7 +46,7 @@ def asked_for(definitions: Definitions, inventory: Inventory) -> Definitions:
     found = {(_ANYBODY, path) for path in map(os.path.realpath, experiment.files) if own.has(path)}
     for service in experiment.services.values():
         files = (experiment.secrets[use.source].file for use in service.secrets)
-        found |= {(service.name, path) for path in files if path and own.is_from_elsewhere(path)}
+        found |= {(service.name, path) for path in files if path and has_names_elsewhere(path, own.folder)}
         cdf = definitions.containers.get(service.cdf)
         found |= {(service.name, path) for top in _tops(service, cdf) for path in own.below(top)}
         if cdf and cdf.dockerfile:
@@ -67,6 +67,16 @@ def permit_copies(definitions: Definitions, allowed: Collection[str], inventory:
     permit_planning([one for one in asked if one.kind in COPIED_FIRST], allowed)
 
 
+def has_names_elsewhere(path: str, folder: str = "") -> bool:
+    """Return whether a secret's file has a name that is not in the experiment's folder; if it lies there itself.
+
+    Of one that lies elsewhere, or of an experiment that has no folder here, its own folder counts.
+    """
+    with contextlib.suppress(OSError, ValueError):  # it is told when it is read
+        return is_from_elsewhere(os.lstat(path), folder if folder and inside(path, folder) else os.path.dirname(path))
+    return False
+
+
 def _tops(service: Service, cdf: ContainerDefinition | None) -> set[str]:
     """Return the files and folders that a service or its CDF names; each is a path without links."""
     mounts = service.runtime.mounts
@@ -82,7 +92,7 @@ class _Own:
         """Take real paths, which of them may be read, and the experiment's folder."""
         self.paths = paths
         self._files = regular_file.identities(paths)
-        self._folder, self._names = folder, functools.cache(names_in)
+        self.folder, self._names = folder, functools.cache(names_in)
         self._contents: dict[int, set[bytes]] = {}
         for path in read:
             with contextlib.suppress(OSError):  # who needs it says so
@@ -98,17 +108,11 @@ class _Own:
         with contextlib.suppress(OSError):
             about = os.lstat(path)
             known = (about.st_dev, about.st_ino)
-            if known in self._files or is_from_elsewhere(about, self._folder, self._names):
+            if known in self._files or is_from_elsewhere(about, self.folder, self._names):
                 return True
             if 0 < (size := about.st_size) <= LARGEST:
                 content = regular_file.read(path, size)
                 return content in self._contents.get(size, ()) or is_own(content)
-        return False
-
-    def is_from_elsewhere(self, path: str) -> bool:
-        """Return whether a file lies in the experiment's folder, and has another name that does not."""
-        with contextlib.suppress(OSError):  # it is told when it is read
-            return inside(path, self._folder) and is_from_elsewhere(os.lstat(path), self._folder, self._names)
         return False
 
     def _below(self, top: str) -> tuple[str, ...]:

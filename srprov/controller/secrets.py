@@ -15,11 +15,13 @@ from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
+from srprov.controller.own_files import has_names_elsewhere
 from srprov.controller.permissions import permit_planning
 from srprov.definitions.model import Definitions
 from srprov.definitions.secrets import files_of
 from srprov.definitions.secretvalues import resolve, used
-from srprov.planning.policy import permissions
+from srprov.definitions.taken import in_words
+from srprov.planning.policy import Permission, permissions
 from srprov.record.memory import note_secret_files
 from srprov.secret import Vault
 
@@ -58,7 +60,7 @@ class HeldSecrets:
         if isinstance(source, Definitions):
             self.vault = read_secrets(source, allowed)
             return
-        permit_planning(source.plan.permissions, allowed)
+        permit_planning([*source.plan.permissions, *_of_elsewhere(source.plan)], allowed)
         self.vault = Vault()
         names = {one.env for one in secret_sources(source.plan) if one.env}
         self._variables = {name: os.environ.pop(name) for name in sorted(names) if name in os.environ}
@@ -99,6 +101,16 @@ def note_named(file: str, allowed: Collection[str]) -> None:
 def _note(sources: Collection[SecretSource]) -> None:
     """Remember files as those of secrets, before any value is read."""
     note_secret_files({os.path.realpath(one.file) for one in sources if one.file})
+
+
+def _of_elsewhere(plan: Plan) -> list[Permission]:
+    """Return what a plan file does not say of the files of its secrets: one may have its name from an archive."""
+    files = {one.file for one in secret_sources(plan) if one.file}
+    return [
+        Permission(kind="outside", service="the experiment", what=in_words(one))
+        for one in sorted(files)
+        if has_names_elsewhere(one)
+    ]
 
 
 def secret_sources(plan: Plan) -> tuple[SecretSource, ...]:

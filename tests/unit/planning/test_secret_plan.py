@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
@@ -153,6 +154,25 @@ def test_a_plan_file_takes_the_value_of_the_day(monkeypatch: pytest.MonkeyPatch)
     plan = held.read(check_plan(saved, fleet(world), adopt=True)).plan
     assert run(world, plan).exit_code == 0
     assert world.robots["r1"].disk.files[PATH] == b"value-of-the-day"
+
+
+def test_a_plan_file_takes_no_file_by_a_name_that_an_archive_gave_it(
+    tmp_path: Path,
+) -> None:
+    """The plan was made where an ordinary file has that name; here it is a second name of a file of the user's."""
+    world, file = World().add("r1"), tmp_path / "nav" / "token.txt"
+    file.parent.mkdir()
+    file.write_text("just-a-demo-token")
+    made = planned(world)
+    source = SecretSource(name="token", file=str(file))
+    saved = load(dump(file_of(replace(made, plan=replace(made.plan, secrets=(source,))))), "plan.json")
+    HeldSecrets(saved, ("secret",))
+    file.unlink()
+    (tmp_path / "credentials").write_text("the user's")
+    os.link(tmp_path / "credentials", file)
+    with pytest.raises(RefusedError, match=r"token\.txt: it has another name, elsewhere \(a hard link\)"):
+        HeldSecrets(saved, ("secret",))
+    HeldSecrets(saved, ("secret", "outside"))
 
 
 def test_a_plan_file_without_a_secret_to_write_needs_no_value() -> None:
