@@ -2,7 +2,9 @@
 
 Of a number that is published at IPv6 alone another program has the same at IPv4, then or later: the kernel keeps the
 two apart. A registry, or an engine, often listens at 127.0.0.1, and who asks `localhost` is answered at `::1` first: by
-a container, which the robot takes for itself. Of an address of IPv4, and of all, a number is one program's alone.
+a container, which the robot takes for itself. Of one host's address of IPv4, and of all, a number is one program's
+alone. At a group's an engine listens as at all, beside whoever has the number there, and takes what that one is sent:
+Docker's proxy does, of UDP, as Go's `net.ListenUDP` has the address used again for a group.
 """
 
 from __future__ import annotations
@@ -13,13 +15,18 @@ from collections.abc import Iterable, Iterator
 _Port = tuple[str, int, int, str]
 """As in `containermodel`: address, published port, container port, protocol."""
 _IPV4 = re.compile(r"[0-9]{1,3}(\.[0-9]{1,3}){3}")
+_GROUPS, _BYTE = 224, 255
+"""From 224.0.0.0 on there are groups, then addresses of no host; so are those that begin with 0."""
 ALIKE = {"::": "", "::1": "127.0.0.1"}
 """Address of IPv6 -> what is said in its place, of a container that was made otherwise."""
 
 
 def may_be_published_at(address: str) -> bool:
-    """Return whether it is an address of IPv4, or empty: all of the robot's, those of IPv6 too."""
-    return not address or _IPV4.fullmatch(address) is not None
+    """Return whether it is one host's address of IPv4, or empty: all of the robot's, those of IPv6 too."""
+    if address in ("", "0.0.0.0"):
+        return True
+    parts = [int(one) for one in address.split(".")] if _IPV4.fullmatch(address) else [0]
+    return 0 < parts[0] < _GROUPS and max(parts) <= _BYTE
 
 
 def ranges(ports: Iterable[_Port]) -> Iterator[str]:

@@ -82,7 +82,7 @@ def ports(given: _Given, project: Project, at: Path) -> dict[str, Any]:
         address = str(one.get("host_ip") or "")
         if on_overlay(given) and not may_be_published_at(address):
             if (plain := ALIKE.get(address)) is None:
-                project.notes.refused((*path, "host_ip"), f"{address[:60]} is no address of IPv4: leave it out")
+                project.notes.refused((*path, "host_ip"), f"{address[:60]} is no host's address of IPv4: leave it out")
                 continue
             project.notes.adapted((*path, "host_ip"), f"{plain or 'all addresses'}: nothing is published at IPv6 alone")
             address = plain

@@ -138,8 +138,8 @@ def ports(spec: str) -> tuple[Port, ...]:
         # one address has one spelling, so that equal ones are seen to be
         address = str(getattr(given, "ipv4_mapped", None) or given)
     if not may_be_published_at(address):
-        what = "is published at an address of IPv6, and at none of IPv4, where others may have it"
-        raise ValueError(f"'{spec}' {what}: name one of IPv4, or none")
+        what = "is published where others may have it: at an address of IPv6 alone, or at none of a host's"
+        raise ValueError(f"'{spec}' {what}; name one of IPv4 that the robot has, or none")
     kind = match["kind"] or "tcp"
     found = tuple((address, out, into, kind) for out, into in zip(published, inside, strict=True))
     if any(map(of_links, found)):
