@@ -15,6 +15,7 @@ from collections.abc import Iterable, Iterator
 _Port = tuple[str, int, int, str]
 """As in `containermodel`: address, published port, container port, protocol."""
 _IPV4 = re.compile(r"[0-9]{1,3}(\.[0-9]{1,3}){3}")
+_ALL = ("", "0.0.0.0")  # noqa: S104 -- what an EDF says is compared with it; nothing listens here
 _GROUPS, _BYTE = 224, 255
 """From 224.0.0.0 on there are groups, then addresses of no host; so are those that begin with 0."""
 ALIKE = {"::": "", "::1": "127.0.0.1"}
@@ -23,7 +24,7 @@ ALIKE = {"::": "", "::1": "127.0.0.1"}
 
 def may_be_published_at(address: str) -> bool:
     """Return whether it is one host's address of IPv4, or empty: all of the robot's, those of IPv6 too."""
-    if address in ("", "0.0.0.0"):
+    if address in _ALL:
         return True
     parts = [int(one) for one in address.split(".")] if _IPV4.fullmatch(address) else [0]
     return 0 < parts[0] < _GROUPS and max(parts) <= _BYTE

@@ -96,7 +96,8 @@ def importing() -> None:
 )  # fmt: skip
 @click.option(
     "--join", "joined", multiple=True, metavar="KEY", callback=_joined,
-    help="What files in folders apart have together, as services.NAME or volumes.NAME. May be repeated.",
+    help="What files in folders apart have together, as services.NAME or volumes.NAME; with a map of robots as "
+    "ROBOT:services.NAME. May be repeated.",
 )  # fmt: skip
 def compose(
     files: tuple[str, ...], settings: dict[str, str], name: str, strict: bool, form: str, target: str,

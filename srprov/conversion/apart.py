@@ -41,7 +41,7 @@ def _things(project: Project) -> None:
         there = path[0] == "services" or (len(path) == 2 and path[1] in (normal.document.get(str(path[0])) or ()))
         if there and not joined(project, path) and (both := two_apart(project, some)):
             words = f"the {_CALLED[str(path[0])]} '{str(path[1])[:60]}' is of {' and '.join(map(_what, both))}"
-            project.notes.refused(path, f"{words}, which are apart", hint(path))
+            project.notes.refused(path, f"{words}, which are apart", hint(project, path))
 
 
 def _settings(project: Project) -> None:
@@ -53,7 +53,7 @@ def _settings(project: Project) -> None:
     if both := two_apart(project, [*services, *normal.parts.get(path, ())]):
         files = " and ".join(one.at.file for one in both)
         words = f"'{SETTINGS}' says how the services of all files find each other, of {files}, which are apart"
-        project.notes.refused(path, words, hint(path))
+        project.notes.refused(path, words, hint(project, path))
 
 
 def may_use(project: Project, path: Path, used: Path) -> bool:
@@ -69,7 +69,7 @@ def may_use(project: Project, path: Path, used: Path) -> bool:
     if not strange or joined(project, path):
         return True
     words = f"'{str(path[1])[:60]}' is a {_CALLED[str(path[0])]} of another file, {strange[0]}, of whose folder this"
-    project.notes.refused(used, f"{words} one may name nothing", hint(path))
+    project.notes.refused(used, f"{words} one may name nothing", hint(project, path))
     return False
 
 
@@ -112,20 +112,21 @@ def _what(part: Part) -> str:
 
 def joined(project: Project, path: Path) -> bool:
     """Return whether the user says that files have a thing together."""
-    return key_of(path) in project.making.choices.joined
+    return key_of(project, path) in project.making.choices.joined
 
 
-def hint(path: Path) -> str:
+def hint(project: Project, path: Path) -> str:
     """Return what to do about a refusal of a thing."""
-    return f"{_NEXT}--join {quote(key_of(path))}"
+    return f"{_NEXT}--join {quote(key_of(project, path))}"
 
 
 def is_key(text: str) -> bool:
     """Return whether a text may be what `key_of` calls a thing that files have together."""
-    kind, _, name = text.partition(".")
-    return text == SETTINGS or (kind in KINDS and bool(name))
+    kind, _, name = text.rpartition(":")[2].partition(".")
+    return text.rpartition(":")[2] == SETTINGS or (kind in KINDS and bool(name))
 
 
-def key_of(path: Path) -> str:
-    """Return what a thing is called in reports, and by the user: `services.camera`."""
-    return ".".join(str(part) for part in path)
+def key_of(project: Project, path: Path) -> str:
+    """Return what a thing is called by the user: `services.camera`; with a map of robots, `robot1:services.camera`."""
+    key = ".".join(str(part) for part in path)
+    return f"{project.machine.robot}:{key}" if project.machine.robot else key

@@ -92,7 +92,7 @@ def _may_have(build: Mapping[str, Any], context: str, project: Project, path: Pa
     strange = next((at for at in parts if not project.place(context, at)), None)
     if strange is not None:
         words = f"it says what is built of '{context[:80]}', which lies outside of the folder of the file that says so"
-        join = f"--join {quote(apart.key_of(path[:2]))}; or " if strange in chosen else ""
+        join = f"--join {quote(apart.key_of(project, path[:2]))}; or " if strange in chosen else ""
         project.notes.refused(strange, words, f"say it where the context is said; or {join}{project.elsewhere}")
     return strange is None
 

@@ -26,7 +26,8 @@ def by_robot(path: str, files: Sequence[str]) -> dict[str, list[str]]:
         raise DefinitionError(findings.problems)
     robots: dict[str, str] = {}
     for key, value in entries.items():
-        file = next((one for one in files if key in (one, os.path.normpath(one), os.path.basename(one))), "")
+        whole = [one for one in files if key in (one, os.path.normpath(one))]
+        file = next(iter(whole or [one for one in files if key == os.path.basename(one)]), "")
         robot = value.text if isinstance(value, Scalar) else ""
         if not file:
             hint = did_you_mean(key, files) or f"the files are {', '.join(files)[:200]}"

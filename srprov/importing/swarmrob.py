@@ -129,9 +129,11 @@ def _services(given: Map, reading: Reading) -> dict[str, dict[str, Any]]:
 def _built(recipes: Sequence[str], services: dict[str, dict[str, Any]], reading: Reading) -> None:
     """Have the services built whose image has a Dockerfile's name."""
     for path in recipes:
+        # what it is called is the user's word; what lies where it leads, a stranger's
+        called, named = os.path.split(os.path.abspath(path))
+        suffix = named.removeprefix("Dockerfile").removesuffix("Dockerfile").removesuffix(".dockerfile").strip(".-")
+        name = suffix or os.path.basename(called)
         folder, file = os.path.split(os.path.realpath(path))
-        suffix = file.removeprefix("Dockerfile").removesuffix("Dockerfile").removesuffix(".dockerfile").strip(".-")
-        name = suffix or os.path.basename(folder)
         text = loader.read_text(path, most=dockerfile.MAX_BYTES)
         reading.findings.extend(dockerfile.check(text, path))
         using = [one for one in services.values() if one.get("image", "").rpartition("/")[2].partition(":")[0] == name]

@@ -153,7 +153,9 @@ def test_a_published_port_takes_no_place_beside_a_program_of_the_robot(lab: Lab,
 
     for port in ("[::1]:5000:80", "[::]:5000:80"):
         refused = apply(port)
-        assert (refused.code, "where others may have it: at an address of IPv6 alone" in refused.err) == (5, True), refused
+        assert (refused.code, "where others may have it: at an address of IPv6 alone" in refused.err) == (5, True), (
+            refused
+        )
     for port, address in (("5000:80", "127.0.0.1"), ("5000:80", "0.0.0.0"), ("127.0.0.1:5000:80", "127.0.0.1")):
         done = apply(port)
         assert done.code == 0, done

@@ -286,7 +286,7 @@ def test_no_service_of_another_robots_file_takes_such_a_name(
     """The overlay is that of all robots."""
     Path("lab/mine.yml").write_text(f"services: {{own: {{image: x, {own}}}}}\n")
     Path("map").write_text(f"lab/mine.yml: r1\n{theirs}/compose.yml: r2\n")
-    key = "services.vault" if "vault" in text else "services.t"
+    key = "r2:services.vault" if "vault" in text else "r2:services.t"
     assert importing(theirs, text, "--robot-map", "map") == 5
     refused(capsys.readouterr(), key)
     assert importing(theirs, text, "--robot-map", "map", "--join", key) == 0, capsys.readouterr()
@@ -351,7 +351,9 @@ def test_no_service_has_a_name_of_one_of_a_file_apart(
         f"services.{next(iter(yaml.safe_load(mine)['services']))}",
         *(f"services.{one}" for one in yaml.safe_load(text)["services"]),
     )
-    joins = [word for one in dict.fromkeys((*both, "services.db")) for word in ("--join", one)]
+    robots = ("r1:", "r2:") if how else ("",)
+    keys = [f"{robot}{one}" for robot in robots for one in dict.fromkeys((*both, "services.db"))]
+    joins = [word for one in keys for word in ("--join", one)]
     importing(theirs, text, *words, *joins)
     assert "which is apart" not in capsys.readouterr().out
 
@@ -371,11 +373,71 @@ def test_a_service_that_is_joined_lets_no_other_of_its_file_be_asked_elsewhere(
     """Of several services of a file only the first was looked at."""
     asks = "{image: x, extra_hosts: [vault=10.9.9.9]}"
     Path("lab/mine.yml").write_text(f"services: {{a: {asks}, b: {asks}}}\n")
-    both = ["--join", "services.a", "--join", "services.b"]
     text = "services: {vault: {image: y}}"
     assert importing(theirs, text, "--join", f"services.{joined}") == 5
     refused(capsys.readouterr(), "services.vault")
-    assert importing(theirs, text, *both) == 0, capsys.readouterr()
+    assert importing(theirs, text, "--join", "services.vault") == 0, capsys.readouterr()
+
+
+@pytest.mark.parametrize(
+    ("camera", "mine", "key"),
+    [
+        ("image: y", "hostname: vault", "vault"),
+        ("image: y", "networks: {default: {aliases: [eye, vault]}}", "vault"),
+        ("hostname: web", "image: x", "web"),
+        ("hostname: eye", "image: x, extra_hosts: [vault=10.9.9.9]", "vault"),
+    ],
+)
+def test_what_files_say_of_a_service_that_is_joined_lets_no_other_one_have_its_names(
+    theirs: str, capsys: pytest.CaptureFixture[str], camera: str, mine: str, key: str
+) -> None:
+    """A service of the stranger's file that came later was asked in the place of the user's own."""
+    Path("lab/mine.yml").write_text(f"services: {{camera: {{{mine}}}, web: {{image: x}}}}\n")
+    text = f"services: {{camera: {{{camera}}}, vault: {{image: y}}}}"
+    assert importing(theirs, text, "--join", "services.camera") == 5
+    refused(capsys.readouterr(), f"services.{key}")
+    assert importing(theirs, text, "--join", "services.camera", "--join", f"services.{key}") == 0
+
+
+@pytest.mark.parametrize("says", ["hostname: NAME", "container_name: NAME", "networks: {default: {aliases: [NAME]}}"])
+@pytest.mark.parametrize(
+    ("name", "asks"),
+    [("vault.lab", "environment: {L: 'http://vault.lab/'}"), ("db", "image: x"), ("vv", "extra_hosts: [vv=10.9.9.9]")],
+)
+def test_no_service_that_is_extended_brings_such_a_name(
+    theirs: str, capsys: pytest.CaptureFixture[str], says: str, name: str, asks: str
+) -> None:
+    """It is the word of the file that says it, which the user's own does not open."""
+    own = f"{{extends: {{file: {os.path.relpath(theirs, 'lab')}/compose.yml, service: nav}}}}"
+    Path("lab/mine.yml").write_text(f"services: {{db: {{image: x, {asks}}}, nav: {own}}}\n".replace("x, image: x", "x"))
+    Path(theirs, "compose.yml").write_text(f"services: {{nav: {{image: y, {says.replace('NAME', name)}}}}}\n")
+    words = ["import", "compose", "lab/mine.yml", "-o", "new"]
+    code = run(words)
+    if theirs == "stranger":  # what lies beside is not extended at all
+        assert code == 5 and "apart" not in capsys.readouterr().out
+        return
+    assert code == 5
+    refused(capsys.readouterr(), "services.nav")
+    assert run([*words, "--join", "services.nav", "--join", "services.db"]) == 0, capsys.readouterr()
+
+
+@pytest.mark.parametrize("thing", ["services.camera", "configs.c"])
+def test_what_is_joined_on_one_robot_is_not_on_another(
+    theirs: str, capsys: pytest.CaptureFixture[str], thing: str
+) -> None:
+    """The user joined two files of his own; a stranger's service of that name, on another robot, was not looked at."""
+    Path("drivers").mkdir()
+    Path("more").mkdir()
+    config = "configs: {c: {content: FROM}}\n" if thing.startswith("configs") else ""
+    camera = "{image: x, hostname: vault.lab}" if not config else "{image: x, configs: [c]}"
+    Path("lab/mine.yml").write_text("services: {camera: {init: true}}\n" + config)
+    Path("drivers/compose.yml").write_text(f"services: {{camera: {camera}}}\n" + config)
+    Path("more/pc.yml").write_text("services: {nav: {image: x, environment: {L: 'http://vault.lab'}}}\n" + config)
+    Path("map").write_text(f"drivers/compose.yml: r1\nlab/mine.yml: r1\nmore/pc.yml: r2\n{theirs}/compose.yml: r2\n")
+    text = f"services: {{t: {camera}}}\n{config}".replace("{t:", "{camera:")
+    files = ["drivers/compose.yml", "more/pc.yml", "--robot-map", "map", "--join", "r1:services.camera"]
+    assert importing(theirs, text, *files, "--join", f"r1:{thing}") == 5
+    refused(capsys.readouterr(), f"r2:{thing}")
 
 
 def test_what_files_apart_open_to_each_other_is_told(theirs: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -219,3 +219,13 @@ def test_passwords_of_env_files_are_told(here: Path, capsys: pytest.CaptureFixtu
     told = [line for line in capsys.readouterr().out.splitlines() if "in the clear" in line]
     assert len(told) == 1 and told[0].startswith("stack/db.env:1:1: adapted: the value of 'DB_PASSWORD' stands")
     assert "hunter2" not in Path("out/import-report.md").read_text()
+
+
+def test_a_map_s_whole_name_is_no_other_file_s_last_part(here: Path) -> None:
+    files = ("vendor/compose.yml", "compose.yml")
+    for file, name in zip(files, "ab", strict=True):
+        Path(file).parent.mkdir(exist_ok=True)
+        Path(file).write_text(f"services: {{{name}: {{image: x}}}}\n")
+    Path("robots.yml").write_text("compose.yml: robot1\nvendor/compose.yml: robot2\n")
+    assert imported(*files, "--robot-map", "robots.yml", "--root", ".") == 0
+    assert {name: one["robot"] for name, one in written(here)["services"].items()} == {"a": "robot2", "b": "robot1"}

@@ -112,3 +112,14 @@ def test_names_of_many_services_are_looked_for_once_in_each_value(tmp_path: Path
         "s001": "lab_s001_1",
         "s002": "s002_1",
     }
+
+
+def test_an_image_is_called_by_the_folder_that_is_named(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A clone has a link of that name, which leads to a folder that is called as the user's own image."""
+    (here / "vendor/debian").mkdir(parents=True)
+    (here / "vendor/debian/Dockerfile").write_text("FROM busybox\n")
+    (here / "vendor/cam").symlink_to("debian")
+    (here / "e.yml").write_text("version: '1'\nservices: {nav: {image: debian}, cam: {image: lab/cam}}\n")
+    assert run(["import", "swarmrob", "e.yml", "vendor/cam/Dockerfile", "-o", "../out"]) == 0, capsys.readouterr()
+    written = yaml.safe_load((here / "../out/experiment.edf").read_text())["services"]
+    assert (written["nav"]["image"], "cdf" in written["cam"]) == ("debian", True)
