@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator
 _Port = tuple[str, int, int, str]
 """As in `containermodel`: address, published port, container port, protocol."""
 _IPV4 = re.compile(r"[0-9]{1,3}(\.[0-9]{1,3}){3}")
-_ALL = ("", "0.0.0.0")  # noqa: S104 -- what an EDF says is compared with it; nothing listens here
+_ALL = ("", "0.0.0.0")  # noqa: S104 - compared with, never bound to
 _GROUPS, _BYTE = 224, 255
 """From 224.0.0.0 on there are groups, then addresses of no host; so are those that begin with 0."""
 ALIKE = {"::": "", "::1": "127.0.0.1"}
