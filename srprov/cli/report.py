@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -60,6 +61,7 @@ def report(source: str, target: str | None, extract: bool, runs: Path | None, as
 
 def _material(source: str, runs: Path | None) -> Material:
     """Return what a page is made of, whatever kind of thing it is."""
+    from srprov.definitions.version_control import has_further_names
     from srprov.record.runs import is_trials
     from srprov.report.read import MOST_PLAN, of_plan, of_run
     from srprov.report.trials_read import of_bundle, of_trials
@@ -68,6 +70,8 @@ def _material(source: str, runs: Path | None) -> Material:
     try:
         if path.is_dir():
             return of_trials(path) if is_trials(path) else of_run(path)
+        if has_further_names(os.stat(path)):
+            raise ValueError("it has another name (a hard link); copy it, if it is your own")
         if regular_file.beginning(path, 4).startswith(b"PK"):
             return of_bundle(path)
         return of_plan(path, regular_file.read(path, MOST_PLAN))

@@ -47,6 +47,8 @@ class _Named:
         """Take the path as it was named."""
         link = next(regular_file.links_in(path), "")
         self._linked, self.real = bool(link), os.path.realpath(path)
+        # one file of a relative path may have been unpacked beside what it is a second name of
+        self._alone = not os.path.isabs(path) and not os.path.isdir(path)
         self._root = self.real if not link and os.path.isdir(path) else os.path.realpath(os.path.dirname(link or path))
         self._secrets = functools.cache(secret_files.known)  # for all files below, and only where one is asked for
 
@@ -54,6 +56,8 @@ class _Named:
         """Return whether it means a file, which lies there or below; `about` is the file's."""
         if not self._linked and not has_further_names(about):
             return True
+        if self._alone and has_further_names(about):
+            return False
         return not is_users_own(file, self._root, self._secrets())
 
 

@@ -27,7 +27,7 @@ from srprov.definitions.model import Definitions, Inventory, Service
 from srprov.definitions.own_content import LARGEST, is_own
 from srprov.definitions.paths import inside
 from srprov.definitions.taken import in_words
-from srprov.definitions.version_control import is_from_elsewhere, names_in
+from srprov.definitions.version_control import has_further_names, is_from_elsewhere, names_in
 from srprov.images.context import folder_items
 from srprov.planning.policy import permissions
 
@@ -68,12 +68,15 @@ def permit_copies(definitions: Definitions, allowed: Collection[str], inventory:
 
 
 def has_names_elsewhere(path: str, folder: str = "") -> bool:
-    """Return whether a secret's file has a name that is not in the experiment's folder; if it lies there itself.
+    """Return whether a secret's file has a name that is not in the experiment's folder.
 
-    Of one that lies elsewhere, or of an experiment that has no folder here, its own folder counts.
+    Of one that lies elsewhere, or of an experiment that has no folder here, each further name counts: an archive is
+    unpacked beside files of the user's, and both names are in one folder of his, then.
     """
     with contextlib.suppress(OSError, ValueError):  # it is told when it is read
-        return is_from_elsewhere(os.lstat(path), folder if folder and inside(path, folder) else os.path.dirname(path))
+        about = os.lstat(path)
+        here = folder and inside(path, folder)
+        return is_from_elsewhere(about, folder) if here else has_further_names(about)
     return False
 
 

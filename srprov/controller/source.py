@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import os
 import shlex
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
@@ -17,6 +18,7 @@ from srprov.definitions.lockfile import Lock, lock_path
 from srprov.definitions.lockfile import load as load_lock
 from srprov.definitions.model import Definitions
 from srprov.definitions.profiles import chosen
+from srprov.definitions.version_control import has_further_names
 from srprov.errors import UsageError
 from srprov.git_address import parse_address
 
@@ -208,6 +210,9 @@ def _read_plan(text: str, file: str) -> PlanFile | None:
 
     if not is_plan(text):
         return None
+    if has_further_names(os.stat(file)):  # an archive may have given a plan of the user's a second name
+        why = f"{file} has another name, elsewhere (a hard link)"
+        raise UsageError(why, hint="copy it, if it is your own", code=Code.STRANGE_FILE)
     if is_edf_name(file):
         hint = "if you trust it, give it another name, such as plan.json"
         raise UsageError(

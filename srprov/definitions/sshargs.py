@@ -17,6 +17,7 @@ _WITHOUT_EFFECT = set("46AaCfGgKkMNnqsTtVvXxYy")
 _LONGEST = 10_000
 _COMMENT = re.compile(r"""(?:^|[\s'"])#""")
 _OF_HOST_KEYS = ("userknownhostsfile", "globalknownhostsfile")
+_RELATIVE = re.compile(r"""['"]?\.\.?/.*""")
 _WHOLE = ("/", "~", "%d", "${")
 _OPTIONS = {"J": "proxyjump", "i": "identityfile", "l": "user", "p": "port", "c": "ciphers", "m": "macs"}
 
@@ -63,6 +64,9 @@ def _named(option: str) -> tuple[str, str]:
     name, value = name.strip(), value.strip().lstrip("= ").strip()
     if not name or not value:
         raise ValueError(f"'-o {option[:60]}' is not Name=value")
+    if name.lower() == "proxycommand" and any(map(_RELATIVE.fullmatch, value.split())):
+        here = f"'{name[:60]} {value[:60]}' names a file of whatever folder srprov runs in"
+        raise ValueError(f"{here}; name it whole, such as {{{{ inventory_dir }}}}/jump.sh")
     files = split(value) if name.lower() in _OF_HOST_KEYS else []
     if any(not one.startswith(_WHOLE) and one.lower() != "none" for one in files):
         # a project that was cloned has one: it would decide which host is believed to be a robot

@@ -156,3 +156,17 @@ def test_nothing_is_passed_on_that_a_link_leads_to(
     told = capsys.readouterr().err
     assert "is a link that leads out of its folder" in told and f"name that: {away}" in told
     assert {one.name for one in project.iterdir()} == {"inv.yml", "out", "mine"}
+
+
+def test_nothing_is_passed_on_that_is_a_second_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An archive that is unpacked beside the user's own plan gives it one."""
+    (tmp_path / "mine.json").write_text('{"plan": 1, "instance": "mine", "steps": []}')
+    (tmp_path / "mine.zip").write_bytes(b"PK")
+    monkeypatch.chdir(tmp_path)
+    for name in ("plan.json", "run.zip"):
+        Path(name).hardlink_to(Path("mine").with_suffix(Path(name).suffix))
+    for words in (("report", "plan.json"), ("report", "run.zip"), ("export", "compose", "plan.json")):
+        assert run([*words, "-o", "made"]) == 5
+        assert "has another name" in capsys.readouterr().err and not Path("made").exists()

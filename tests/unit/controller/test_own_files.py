@@ -128,6 +128,9 @@ def test_the_file_of_a_secret_is_no_other_one_by_a_name_that_an_archive_gave_it(
     os.link("../token", beside / "t")
     Path("e.edf").write_text(Path("e.edf").read_text().replace("parts/t", "../lent/t"))
     assert asked() == [("a", "../lent/t")]
+    Path("e.edf").write_text(Path("e.edf").read_text().replace("../lent/t", "../t"))
+    os.link("../token", "../t")  # both are in one folder, such as one of downloads
+    assert asked() == [("a", "../t")]
 
 
 def test_in_a_home_no_other_name_of_a_file_is_the_folder_s_own(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:

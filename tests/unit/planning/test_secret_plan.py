@@ -168,8 +168,8 @@ def test_a_plan_file_takes_no_file_by_a_name_that_an_archive_gave_it(
     saved = load(dump(file_of(replace(made, plan=replace(made.plan, secrets=(source,))))), "plan.json")
     HeldSecrets(saved, ("secret",))
     file.unlink()
-    (tmp_path / "credentials").write_text("the user's")
-    os.link(tmp_path / "credentials", file)
+    (file.parent / "credentials").write_text("the user's")
+    os.link(file.parent / "credentials", file)
     with pytest.raises(RefusedError, match=r"token\.txt: it has another name, elsewhere \(a hard link\)"):
         HeldSecrets(saved, ("secret",))
     HeldSecrets(saved, ("secret", "outside"))
