@@ -73,6 +73,11 @@ def links_in(path: str) -> Iterator[str]:
     return filter(os.path.islink, named)
 
 
+def has_further_names(about: os.stat_result) -> bool:
+    """Return whether a file has more than one name on its disk."""
+    return stat.S_ISREG(about.st_mode) and about.st_nlink > 1
+
+
 def identities(paths: Iterable[str]) -> set[tuple[int, int]]:
     """Return what the kernel knows files by, those that are there: a disk may have further names for one."""
     found = set[tuple[int, int]]()

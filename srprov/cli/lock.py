@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection
 
 import click
@@ -11,7 +12,10 @@ from srprov.cli import inputs, options
 from srprov.cli.output import counted, err, out
 from srprov.cli.permitted import permitted
 from srprov.codes import Code
-from srprov.errors import UsageError
+from srprov.errors import UsageError, visible
+
+_NOT_UTF8 = re.compile("[\ud800-\udfff]")
+"""Bytes of a file's name that are no text."""
 
 
 @click.command()
@@ -48,6 +52,9 @@ def lock(
             return digests.look_up(look.ask_each, with_engine, names, allowed, lambda text: err(f"note: {text}"))
 
         new, records = package_records.with_records(locking.finished(made, look_up), made, look, fleet.connected())
+    if strange := next(filter(_NOT_UTF8.search, new.files), ""):
+        why = f"a file of the experiment has a name that is not UTF-8: {visible(strange)}"
+        raise UsageError(why, hint="give it another one", code=Code.NO_FILE)
     try:
         private.write_output(path, dump(new).encode())
     except OSError as error:

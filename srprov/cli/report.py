@@ -61,7 +61,6 @@ def report(source: str, target: str | None, extract: bool, runs: Path | None, as
 
 def _material(source: str, runs: Path | None) -> Material:
     """Return what a page is made of, whatever kind of thing it is."""
-    from srprov.definitions.version_control import has_further_names
     from srprov.record.runs import is_trials
     from srprov.report.read import MOST_PLAN, of_plan, of_run
     from srprov.report.trials_read import of_bundle, of_trials
@@ -70,7 +69,7 @@ def _material(source: str, runs: Path | None) -> Material:
     try:
         if path.is_dir():
             return of_trials(path) if is_trials(path) else of_run(path)
-        if has_further_names(os.stat(path)):
+        if regular_file.has_further_names(os.stat(path)):
             raise ValueError("it has another name (a hard link); copy it, if it is your own")
         if regular_file.beginning(path, 4).startswith(b"PK"):
             return of_bundle(path)

@@ -18,7 +18,6 @@ from srprov import regular_file, secret_files
 from srprov.codes import Code
 from srprov.controller.copied import Copied
 from srprov.definitions.own_lines import is_users_own
-from srprov.definitions.version_control import has_further_names
 from srprov.errors import UsageError
 
 _BLOCK = 512
@@ -54,9 +53,9 @@ class _Named:
 
     def means(self, file: str, about: os.stat_result) -> bool:
         """Return whether it means a file, which lies there or below; `about` is the file's."""
-        if not self._linked and not has_further_names(about):
+        if not self._linked and not regular_file.has_further_names(about):
             return True
-        if self._alone and has_further_names(about):
+        if self._alone and regular_file.has_further_names(about):
             return False
         return not is_users_own(file, self._root, self._secrets())
 

@@ -18,7 +18,6 @@ from srprov.codes import Code
 from srprov.controller.plan import Planned
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.lockfile import lock_path
-from srprov.definitions.version_control import has_further_names
 from srprov.errors import UsageError
 
 _LARGEST = 8 * regular_file.MIB
@@ -55,7 +54,7 @@ def reader_files(planned: Planned) -> dict[str, InputFile]:
     for name in FOR_READERS:
         try:
             content, about = regular_file.read_with_status(os.path.join(home, name), _LARGEST_TEXT, real=True)
-            if not has_further_names(about):
+            if not regular_file.has_further_names(about):
                 found[name] = InputFile(content=content, for_readers=True)
         except OSError:  # most experiments have none of them
             continue

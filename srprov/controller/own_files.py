@@ -23,11 +23,12 @@ from msgspec.structs import replace
 from srprov import disk, regular_file, secret_files
 from srprov.controller.permissions import permit_planning
 from srprov.definitions.containermodel import ContainerDefinition
+from srprov.definitions.lockfile import lock_path
 from srprov.definitions.model import Definitions, Inventory, Service
 from srprov.definitions.own_content import LARGEST, is_own
 from srprov.definitions.paths import inside
 from srprov.definitions.taken import in_words
-from srprov.definitions.version_control import has_further_names, is_from_elsewhere, names_in
+from srprov.definitions.version_control import is_from_elsewhere, names_in
 from srprov.images.context import folder_items
 from srprov.planning.policy import permissions
 
@@ -43,7 +44,8 @@ def asked_for(definitions: Definitions, inventory: Inventory) -> Definitions:
     experiment = definitions.experiment
     secrets = {one.file for one in experiment.secrets.values() if one.file} | secret_files.known()
     own = _Own({*inventory.own_files, *secrets}, inventory.own_files, os.path.realpath(experiment.folder))
-    found = {(_ANYBODY, path) for path in map(os.path.realpath, experiment.files) if own.has(path)}
+    read = {*experiment.files, lock_path(experiment.file)}
+    found = {(_ANYBODY, path) for path in map(os.path.realpath, read) if own.has(path)}
     for service in experiment.services.values():
         files = (experiment.secrets[use.source].file for use in service.secrets)
         found |= {(service.name, path) for path in files if path and has_names_elsewhere(path, own.folder)}
@@ -76,7 +78,7 @@ def has_names_elsewhere(path: str, folder: str = "") -> bool:
     with contextlib.suppress(OSError, ValueError):  # it is told when it is read
         about = os.lstat(path)
         here = folder and inside(path, folder)
-        return is_from_elsewhere(about, folder) if here else has_further_names(about)
+        return is_from_elsewhere(about, folder) if here else regular_file.has_further_names(about)
     return False
 
 

@@ -18,7 +18,6 @@ from srprov.definitions.lockfile import Lock, lock_path
 from srprov.definitions.lockfile import load as load_lock
 from srprov.definitions.model import Definitions
 from srprov.definitions.profiles import chosen
-from srprov.definitions.version_control import has_further_names
 from srprov.errors import UsageError
 from srprov.git_address import parse_address
 
@@ -210,7 +209,7 @@ def _read_plan(text: str, file: str) -> PlanFile | None:
 
     if not is_plan(text):
         return None
-    if has_further_names(os.stat(file)):  # an archive may have given a plan of the user's a second name
+    if regular_file.has_further_names(os.stat(file)):  # an archive may have given a plan of the user's a second name
         why = f"{file} has another name, elsewhere (a hard link)"
         raise UsageError(why, hint="copy it, if it is your own", code=Code.STRANGE_FILE)
     if is_edf_name(file):

@@ -9,9 +9,8 @@ import stat
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from srprov import believed, private
+from srprov import believed, private, regular_file
 from srprov.codes import Code
-from srprov.definitions.version_control import has_further_names
 from srprov.errors import RefusedError, UsageError
 from srprov.record import default_root
 from srprov.whose import others_may_write
@@ -114,7 +113,7 @@ def _links(folder: Path) -> Iterator[str]:
                     left.append(one.path)
                 elif not one.is_file(follow_symlinks=False):
                     yield f"{one.path} is a device, pipe or socket"
-                elif has_further_names(one.stat(follow_symlinks=False)):
+                elif regular_file.has_further_names(one.stat(follow_symlinks=False)):
                     yield f"{one.path} has another name (a hard link)"
 
 

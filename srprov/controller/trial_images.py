@@ -53,9 +53,13 @@ class Ran(msgspec.Struct, frozen=True):
 def ran(folder: Path) -> Ran:
     """Return what is remembered of the run in a folder."""
     try:
-        text = regular_file.read(os.path.realpath(folder) + f"/{_FILE}", _LONGEST, real=True).decode("ascii", "replace")
+        path = os.path.realpath(folder) + f"/{_FILE}"
+        content, about = regular_file.read_with_status(path, _LONGEST, real=True)
     except OSError:
         return Ran("")
+    if regular_file.has_further_names(about):  # an archive may have made it that of the user's own run
+        return Ran("")
+    text = content.decode("ascii", "replace")
     return Ran(text.strip() if _TOKEN.fullmatch(text.strip()) else "")
 
 

@@ -26,7 +26,7 @@ from srprov.conversion.withheld import check_claimed, is_withheld
 from srprov.definitions import check_files
 from srprov.definitions.model import VERSION_CONTROL
 from srprov.definitions.repository_names import WHY, repository_among
-from srprov.definitions.version_control import ELSEWHERE, has_further_names, is_from_elsewhere, names_in
+from srprov.definitions.version_control import ELSEWHERE, is_from_elsewhere, names_in
 from srprov.errors import Diagnostic, UsageError
 from srprov.importing.compose.source import HINT
 from srprov.importing.normal import Refused
@@ -199,7 +199,7 @@ class _Copying:
         if known in self.known:  # the same file as one that is never copied
             check_claimed(source, self.withheld, self.claims)
             return
-        if has_further_names(about) and is_from_elsewhere(about, self._own_folder(source), self.names):
+        if regular_file.has_further_names(about) and is_from_elsewhere(about, self._own_folder(source), self.names):
             raise OSError(errno.EXDEV, ELSEWHERE, source)  # once it is copied, nobody knows it again
         self.bytes += len(content)
         if self.bytes > _MOST_BYTES:

@@ -17,7 +17,6 @@ from srprov import regular_file
 from srprov.codes import Code
 from srprov.definitions.paths import inside, link_out
 from srprov.definitions.schema import MOST_BYTES, MOST_VALUES
-from srprov.definitions.version_control import has_further_names
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc import loader
 from srprov.yamldoc.allowance import allowance
@@ -77,7 +76,7 @@ def _check_one_name(place: Place) -> None:
     An archive may have given any file of the user's that name. What is made of it here, nobody would know again.
     """
     with contextlib.suppress(OSError, ValueError):  # who reads it says so
-        if has_further_names(os.lstat(place.real)):
+        if regular_file.has_further_names(os.lstat(place.real)):
             hint = "copy it, if it is the experiment's"
             why = "has another name (a hard link), and is not read"
             raise DefinitionError([Diagnostic(Location(place.path), why, hint=hint, code=Code.IN_THE_WAY)])

@@ -22,7 +22,6 @@ from srprov.codes import Code
 from srprov.definitions import ranges
 from srprov.definitions.model import Inventory
 from srprov.definitions.paths import refuse_link_out
-from srprov.definitions.version_control import has_further_names
 from srprov.errors import UsageError, did_you_mean
 from srprov.names import few
 
@@ -126,7 +125,7 @@ def _of_file(inventory: Inventory, name: str) -> set[str]:
         why = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         hint = f"'@FILE' is a file with one robot per line; '{FAILED}' are those that failed in the last run"
         raise UsageError(f"'@{name}': {why}", hint=hint, code=Code.NO_FILE) from None
-    if has_further_names(about) and not os.path.isabs(name):  # an archive may have given it this one
+    if regular_file.has_further_names(about) and not os.path.isabs(name):  # an archive may have given it this one
         hint = f"if you mean it, name its whole path: @{quote(os.path.abspath(name))}"
         raise UsageError(f"'@{name}' has another name (a hard link)", hint=hint, code=Code.STRANGE_FILE)
     found: set[str] = set()

@@ -32,21 +32,23 @@ def source_of(path: str) -> str:
 def _remote(git: Path) -> str:
     """Return the URL of `origin`, or nothing.
 
-    No link is followed, nor the file that a worktree or submodule has as `.git`: either may come with a stranger's
-    project, and lead to a repository whose address is nobody's business.
+    No link is followed, nor the file that a worktree or submodule has as `.git`, nor is a file with a second name read:
+    each may come with a stranger's project, and lead to a repository whose address is nobody's business.
     """
     config = git / "config"
     try:
         if git.is_symlink() or config.is_symlink():
             return ""
-        text = regular_file.read_text(config, _LARGEST, "replace")
+        content, about = regular_file.read_with_status(config, _LARGEST)
     except (OSError, ValueError):
+        return ""
+    if regular_file.has_further_names(about):
         return ""
     import configparser  # most folders above an EDF are no checkouts
 
     parser = configparser.RawConfigParser(strict=False, allow_no_value=True)
     try:
-        parser.read_string(text)
+        parser.read_string(content.decode("utf-8", "replace"))
     except (ValueError, configparser.Error):
         return ""
     return _address(parser.get('remote "origin"', "url", fallback="") or "")

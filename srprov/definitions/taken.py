@@ -10,11 +10,12 @@ import contextlib
 import os
 from collections.abc import Collection, Iterable, Iterator, Mapping
 
+from srprov import regular_file
 from srprov.definitions.container import Container
 from srprov.definitions.merging import FROM_CONTROLLER
 from srprov.definitions.model import Service
 from srprov.definitions.paths import belongs, inside
-from srprov.definitions.version_control import ELSEWHERE, has_further_names
+from srprov.definitions.version_control import ELSEWHERE
 from srprov.git_address import parse_address
 from srprov.secret import Secret, Vault
 from srprov.yamldoc.nodes import Map
@@ -83,7 +84,7 @@ def _named(path: str) -> str:
 def in_words(path: str) -> str:
     """Return a path, and of a file with several names that it has them: the one in the folder may be a stranger's."""
     with contextlib.suppress(OSError, ValueError):  # who reads it says so
-        if has_further_names(os.lstat(path)):
+        if regular_file.has_further_names(os.lstat(path)):
             return f"{path}: {ELSEWHERE}"
     return path
 

@@ -7,7 +7,6 @@ its user's a second name (a hard link) where it is unpacked. Takes paths without
 from __future__ import annotations
 
 import os
-import stat
 from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import TypeAlias
@@ -42,11 +41,6 @@ def is_kept(real: str, root: str) -> bool:
     return is_from_elsewhere(about, root)
 
 
-def has_further_names(about: os.stat_result) -> bool:
-    """Return whether a file has more than one name on its disk."""
-    return stat.S_ISREG(about.st_mode) and about.st_nlink > 1
-
-
 def is_from_elsewhere(about: os.stat_result, root: str, names: Callable[[str], Names] | None = None) -> bool:
     """Return whether a file has a name that is not in a folder, or that version control keeps there.
 
@@ -54,7 +48,7 @@ def is_from_elsewhere(about: os.stat_result, root: str, names: Callable[[str], N
     `names` are those of a folder, where they are known already.
     """
     known = (about.st_dev, about.st_ino)
-    return has_further_names(about) and about.st_nlink > (names or names_in)(root).get(known, 0)
+    return regular_file.has_further_names(about) and about.st_nlink > (names or names_in)(root).get(known, 0)
 
 
 def names_in(root: str) -> Names:
@@ -71,7 +65,7 @@ def names_in(root: str) -> Names:
             folders[:] = [one for one in folders if one.casefold() not in VERSION_CONTROL_IN_ANY_CASE]
             own = (one for one in files if one.casefold() not in VERSION_CONTROL_IN_ANY_CASE)
             for about in (_status(os.path.join(parent, one)) for one in own):
-                if about and has_further_names(about):
+                if about and regular_file.has_further_names(about):
                     found[about.st_dev, about.st_ino] += 1
     return known[root]
 

@@ -20,7 +20,6 @@ import msgspec
 
 from srprov import regular_file
 from srprov.codes import Code
-from srprov.definitions.version_control import has_further_names
 from srprov.errors import UsageError, visible
 from srprov.evidence import stored_zip
 from srprov.untrusted import mapping, parse_json
@@ -209,7 +208,7 @@ def _size(path: Path) -> int:
     about = path.lstat()
     if not stat.S_ISREG(about.st_mode):
         raise UsageError(f"{path} is no file", hint="it is not what srprov wrote: remove it", code=Code.STRANGE_FILE)
-    if has_further_names(about):  # an archive may have made a file of the user's one of the run
+    if regular_file.has_further_names(about):  # an archive may have made a file of the user's one of the run
         what = f"{path} has another name (a hard link)"
         raise UsageError(what, hint="srprov makes none: look at it, and remove it", code=Code.STRANGE_FILE)
     return about.st_size

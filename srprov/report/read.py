@@ -19,7 +19,6 @@ import msgspec
 
 from srprov import regular_file
 from srprov.codes import Code
-from srprov.definitions.version_control import has_further_names
 from srprov.errors import UsageError, visible
 from srprov.report.material import EnvironmentView, FactsView, InputFile, Material
 from srprov.report.model import AssignmentView, EventView, PlanView, ProbeView, ResultView
@@ -77,7 +76,7 @@ class Folder(msgspec.Struct, frozen=True):
             return None
         except OSError as error:
             raise Unreadable(error.strerror or str(error)) from None
-        if has_further_names(about):
+        if regular_file.has_further_names(about):
             raise Unreadable("it has another name (a hard link); copy the record, if it is your own")
         return content
 

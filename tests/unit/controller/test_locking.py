@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+import os
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,6 +13,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
+from srprov.cli.main import run
 from srprov.controller import digests, locking, package_records
 from srprov.controller.image_plans import moved_tags, plan_images
 from srprov.controller.pins import differences, names_of, pinned
@@ -442,3 +444,17 @@ def test_whatever_platforms_a_robot_tells_the_lock_can_be_read_again(tmp_path: P
     path.write_text(dump(Lock(digests={BUSYBOX: digest}, platforms={BUSYBOX: platforms}, version="1")))
     read = load(str(path))
     assert read is not None and read.platforms[BUSYBOX] == platforms and odd == ""
+
+
+def test_a_file_whose_name_is_no_text_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It ended in a traceback."""
+    monkeypatch.chdir(tmp_path)
+    Path("maps").mkdir()
+    (tmp_path / "maps" / os.fsdecode(b"\xfe")).write_text("a")
+    image = f"busybox@sha256:{64 * '1'}"
+    Path("e.edf").write_text(f"edf: 1\nname: x\nservices: {{a: {{image: '{image}', volumes: ['./maps:/m:ro']}}}}\n")
+    Path("inv.yml").write_text("all: {hosts: {r1: {ansible_host: 127.0.0.1, ansible_port: 1}}}\n")
+    assert run(["lock", "e.edf", "-i", "inv.yml"]) == 5
+    assert "has a name that is not UTF-8: maps/\\udcfe" in capsys.readouterr().err and not Path("e.lock").exists()

@@ -29,7 +29,7 @@ from srprov.controller.request import PlanRequest
 from srprov.controller.secrets import read_secrets
 from srprov.controller.source import read_definitions
 from srprov.definitions import load_experiment, load_inventory, version_control
-from srprov.definitions.lockfile import Lock
+from srprov.definitions.lockfile import Lock, dump
 from srprov.definitions.model import Inventory
 from srprov.errors import DefinitionError, RefusedError
 from srprov.facts.gather import Gathering
@@ -131,6 +131,17 @@ def test_the_file_of_a_secret_is_no_other_one_by_a_name_that_an_archive_gave_it(
     Path("e.edf").write_text(Path("e.edf").read_text().replace("../lent/t", "../t"))
     os.link("../token", "../t")  # both are in one folder, such as one of downloads
     assert asked() == [("a", "../t")]
+
+
+def test_the_lock_is_no_other_one_by_a_name_that_an_archive_gave_it(here: Path) -> None:
+    """It goes into records, and with these into bundles."""
+    Path("../private.lock").write_text(dump(Lock(digests={"registry.lab/secret:1": f"sha256:{64 * 'a'}"})))
+    Path("e.edf").write_text("edf: 1\nname: nav\nservices: {a: {image: busybox}}\n")
+    Path("e.lock").write_text(Path("../private.lock").read_text())
+    assert asked() == []
+    Path("e.lock").unlink()
+    Path("e.lock").hardlink_to("../private.lock")
+    assert asked() == [("the experiment", "e.lock")]
 
 
 def test_in_a_home_no_other_name_of_a_file_is_the_folder_s_own(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:

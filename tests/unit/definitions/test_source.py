@@ -60,7 +60,7 @@ def test_a_remote_of_another_form_is_not_shown(tmp_path: Path, url: str) -> None
     assert "secret" not in source_of(str(path)).removesuffix(str(path))
 
 
-@pytest.mark.parametrize("kind", ["gitdir", "link", "link to the configuration"])
+@pytest.mark.parametrize("kind", ["gitdir", "link", "link to the configuration", "second name of the configuration"])
 def test_nothing_leads_to_the_configuration_of_another_repository(tmp_path: Path, kind: str) -> None:
     repository(tmp_path / "private", "https://intern.example/secret")
     path = edf(tmp_path / "project")
@@ -69,7 +69,10 @@ def test_nothing_leads_to_the_configuration_of_another_repository(tmp_path: Path
         git.write_text(f"gitdir: {private}\n")
     elif kind == "link":
         git.symlink_to(private)
-    else:
+    elif kind == "link to the configuration":
         git.mkdir()
         (git / "config").symlink_to(private / "config")
+    else:
+        git.mkdir()
+        (git / "config").hardlink_to(private / "config")
     assert source_of(str(path)).endswith(f":{path}")
