@@ -101,6 +101,8 @@ class Engine:
             assert every or not wanted, "a stopped container counts too"
             shown = [c for c in self.containers.values() if _has(c.body.get("Labels"), wanted)]
             shown = [c for c in shown if every or c.state == "running"]
+            if volume := filters.get("volume", [""])[0]:
+                shown = [c for c in shown if any(one["Name"] == volume for one in _mounted(c.body))]
             return _answer([self._listed(one) for one in shown])
         if path == "/networks":
             return _answer([_network(n, b) for n, b in self.networks.items() if _has(b.get("Labels"), wanted)])
@@ -147,6 +149,7 @@ class Engine:
             "Names": ["/" + one.name],
             "Image": one.body["Image"],
             "ImageID": "sha256:" + identity(one.body["Image"]),
+            "Mounts": _mounted(one.body),
             "Command": " ".join(one.body.get("Cmd") or ["sh"]),
             "Created": 1700000000,
             "Ports": _published(one),
@@ -155,7 +158,6 @@ class Engine:
             "Status": self._status(one),
             "HostConfig": {"NetworkMode": mode},
             "NetworkSettings": {"Networks": networks},
-            "Mounts": [],
         }
 
     def _status(self, one: Container) -> str:
@@ -398,6 +400,15 @@ def _published(one: Container) -> list[dict[str, Any]]:
 
 def _has(labels: Mapping[str, str] | None, wanted: list[str]) -> bool:
     return all(one in (labels or {}) for one in wanted)
+
+
+def _mounted(body: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the volumes of a container as an engine lists them."""
+    mounts = [one for one in body["HostConfig"].get("Mounts", []) if one["Type"] == "volume"]
+    return [
+        {"Type": "volume", "Name": one.get("Source", ""), "Destination": one["Target"], "RW": not one.get("ReadOnly")}
+        for one in mounts
+    ]
 
 
 def _network(name: str, body: Mapping[str, Any]) -> dict[str, Any]:

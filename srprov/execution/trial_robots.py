@@ -22,6 +22,7 @@ from srprov.execution.trial_clocks import samples
 from srprov.execution.trial_patience import EquipmentFailed, Patience, Say, check_engine, why
 from srprov.execution.trial_survival import Survival
 from srprov.execution.trial_totals import Totals
+from srprov.execution.unfilled import unfilled
 from srprov.modules.container_commands import remove, start, stop
 from srprov.session import Session
 from srprov.trials.clock import Offset, offset
@@ -222,7 +223,8 @@ class TrialRobots:
         self.each(act)
 
     def _do(self, one: TrialContainer, command: Command) -> None:
-        reply = self._connections.get(one.host).execute(command)
+        session = self._connections.get(one.host)
+        reply = session.execute(unfilled(command, session))
         if not reply.ok:
             if isinstance(command, EngineCall):
                 check_engine(reply)

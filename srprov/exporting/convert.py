@@ -14,6 +14,7 @@ from msgspec.structs import replace
 
 from srprov.codes import Code
 from srprov.definitions.model import EXPORTED, Experiment, Service
+from srprov.definitions.sharing import written_by_several
 from srprov.errors import DefinitionError, UsageError
 from srprov.exporting.images import Built, built
 from srprov.exporting.model import Export, File, Machine, Need, Part
@@ -71,7 +72,10 @@ def _machine(wanted: Wanted, machine: Machine, reach: Reach, images: Mapping[str
     experiment, containers = wanted.definitions.experiment, wanted.definitions.containers
     around = Surroundings(
         experiment=experiment, machine=machine, reach=reach, open=wanted.open, env_files=wanted.env_files,
-        shipping=Shipping(experiment=experiment, machine=machine, shipped=wanted.shipped),
+        shipping=Shipping(
+            experiment=experiment, machine=machine, shipped=wanted.shipped,
+            several=written_by_several(experiment.services),
+        ),
         images={key: one.image for key, one in containers.items() if one.image}, built=images,
         profiles=wanted.profiles, platforms={key: one.platforms for key, one in containers.items()},
     )  # fmt: skip

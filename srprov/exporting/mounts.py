@@ -36,6 +36,8 @@ class Shipping(msgspec.Struct, frozen=True, kw_only=True):
     experiment: Experiment
     machine: Machine
     shipped: Shipped
+    several: frozenset[str]
+    """Volumes that several services may write to."""
     copied: dict[str, str] = msgspec.field(default_factory=dict)
     """Place in the export -> the path that was copied there."""
 
@@ -55,7 +57,7 @@ class Shipping(msgspec.Struct, frozen=True, kw_only=True):
         if mount.kind == "tmpfs":
             return Part(document={"tmpfs": f"{mount.target}:{mount.options}".rstrip(":")})
         if mount.kind == "volume" and mount.seed is None:
-            return Part(document={"volume": _long("volume", mount.source, mount)})
+            return volume(self.several, service, mount, _long("volume", mount.source, mount))
         if mount.seed is not None:
             return self._seeded(mount, mount.seed)
         if mount.kind == "bind":
@@ -163,6 +165,20 @@ class Shipping(msgspec.Struct, frozen=True, kw_only=True):
         )
 
 
+def volume(several: frozenset[str], service: Service, mount: Mount, entry: dict[str, Any]) -> Part:
+    """Return a mount of a named volume, which no image fills where its service cannot, or another one may, write to it.
+
+    An engine would: the image's files are for those who may write there, and a container that runs with an empty volume
+    leads the engine elsewhere by links while it is filled for another one.
+    """
+    shared = mount.source in several
+    if not (mount.read_only or shared):
+        return Part(document={"volume": entry})
+    words = "it begins empty for each: no image fills a volume that several services may write to"
+    said = (Remark(path=_field(service, "volumes"), kind=ADAPTED, words=f"'{mount.source}': {words}"),)
+    return Part(document={"volume": {**entry, "volume": {"nocopy": True}}}, remarks=said if shared else ())
+
+
 def _field(service: Service, name: str) -> tuple[str, ...]:
     return ("services", service.instance_of or service.name, name)
 
@@ -172,8 +188,6 @@ def _long(kind: str, source: str, mount: Mount) -> dict[str, Any]:
     found: dict[str, Any] = {"type": kind, "source": source, "target": mount.target}
     if mount.read_only:
         found["read_only"] = True
-    if kind == "volume" and mount.read_only:
-        found["volume"] = {"nocopy": True}  # else the image fills an empty one, also where the container cannot write
     if kind == "bind":
         found["bind"] = {"create_host_path": mount.create_host_path}
     return found

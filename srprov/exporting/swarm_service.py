@@ -12,6 +12,7 @@ from srprov.definitions.containermodel import EVERYWHERE, Mount, Runtime
 from srprov.definitions.model import Experiment, Service
 from srprov.exporting import cluster
 from srprov.exporting.model import ADAPTED, DROPPED, REFUSED, File, Need, Part, Remark
+from srprov.exporting.mounts import volume
 from srprov.exporting.runtime import runtime_document
 from srprov.exporting.swarm_classes import CANNOT
 from srprov.exporting.wanted import Wanted
@@ -48,6 +49,8 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True):
     """CDF's key -> its image."""
     addresses: Mapping[str, str]
     """Service on its robot's own network -> the robot's address, for services of the overlay."""
+    several: frozenset[str]
+    """Volumes that several services may write to."""
 
     def part(self, service: Service) -> Part:
         """Return a service, its configs, and what is to be said of it."""
@@ -127,7 +130,7 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True):
             size = cluster.tmpfs_size(mount)
             return Part(document={"volume": _tmpfs(mount.target, size[0] * _UNITS[size[1]] if size else None)})
         if mount.kind == "volume":
-            return Part(document={"volume": _long("volume", mount.source, mount)})
+            return volume(self.several, service, mount, _long("volume", mount.source, mount))
         if mount.kind == "bind":
             refused = (
                 "Swarm makes no folder: make it, and leave `create_host_path` out" if mount.create_host_path else ""
@@ -206,9 +209,7 @@ def _shared_memory(run: Runtime) -> list[dict[str, Any]]:
 
 def _long(kind: str, source: str, mount: Mount) -> dict[str, Any]:
     found: dict[str, Any] = {"type": kind, "source": _literal(source), "target": _literal(mount.target)}
-    # without `nocopy` the image fills an empty volume, also where the container cannot write
-    alone = {"read_only": True, **({"volume": {"nocopy": True}} if kind == "volume" else {})}
-    return {**found, **alone} if mount.read_only else found
+    return {**found, "read_only": True} if mount.read_only else found
 
 
 def _secrets(experiment: Experiment, service: Service) -> Iterator[Need]:

@@ -44,6 +44,37 @@ def test_what_a_service_reads_alone_gets_no_file_of_its_image(lab: Lab, tmp_path
     lab.srprov("destroy", str(path), "-i", inventory, "--yes", "--volumes")
 
 
+def test_no_image_fills_a_volume_that_a_running_container_leads_elsewhere(lab: Lab, tmp_path: Path) -> None:
+    """The engine copied as root, by links that the container put in the place of folders still to come."""
+    for number in range(60):
+        (tmp_path / f"x/d{number:02}").mkdir(parents=True)
+        (tmp_path / f"x/d{number:02}/owned").write_bytes(bytes(200_000))
+    (tmp_path / "second.cdf").write_text(
+        "cdf: 1\nbase: busybox\nfiles: [{src: x, dest: /x}]\ncommand: sleep 86400\nstop_signal: SIGKILL\n",
+        encoding="utf-8",
+    )
+    links = "for d in 5 4 3 2 1; do for i in 0 1 2 3 4 5 6 7 8 9; do ln -s /srv/led /v/d$d$i; done; done"
+    script = f'until [ "$(ls /v)" ]; do :; done; {links}; exec sleep 86400'
+    services = {
+        "first": busybox("sh", "-c", script, volumes=["v:/v"]),
+        "second": {"cdf": "second.cdf", "volumes": ["v:/x"], "depends_on": ["first"]},
+    }
+    path = tmp_path / "fill.edf"
+    path.write_text(edf("fill", services, placement={"slots_per_robot": 2}), encoding="utf-8")
+    inventory = part_of_lab(lab, [ROBOT], tmp_path / "lab.yml")
+    lab.shell(ROBOT, "mkdir", "-p", "/srv/led")
+    try:
+        done = lab.srprov("apply", str(path), "-i", inventory, "--yes", "--settle", "0")
+        assert done.code == 0, done
+        assert lab.shell(ROBOT, "ls", "/srv/led").out == ""
+        assert lab.shell(ROBOT, "docker", "exec", "srprov.fill.second", "ls", "/x").out == ""
+        plan = lab.srprov("plan", str(path), "-i", inventory)
+        assert plan.code == 0 and "Nothing to do" in plan.out, plan
+    finally:
+        lab.srprov("destroy", str(path), "-i", inventory, "--yes", "--volumes")
+        lab.shell(ROBOT, "rm", "-rf", "/srv/led")
+
+
 def test_a_cdf_gets_no_data_of_a_service_that_is_gone(lab: Lab, tmp_path: Path) -> None:
     """The next version of a stranger's CDF names the volume of a service that the user took out of the EDF."""
     own = busybox("sh", "-c", "echo users >/data/list; exec sleep 86400", volumes=["users:/data"])

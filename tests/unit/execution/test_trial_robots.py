@@ -81,7 +81,7 @@ def _no_pause(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def made(robot: Robot) -> tuple[TrialRobots, list[str], Connections]:
-    create = EngineCall(method="POST", path="/containers/create")
+    create = EngineCall(method="POST", path="/containers/create", body="{}")
     said: list[str] = []
     one = TrialContainer(host="r1", service="a", name="a", create=(create,))
     connections = Connections(robot)

@@ -222,6 +222,21 @@ def test_an_image_fills_no_volume_that_its_service_reads_alone(tmp_path: Path) -
         assert (alone["read_only"], alone["volume"], own.get("volume")) == (True, {"nocopy": True}, None)
 
 
+def test_no_image_fills_a_volume_that_several_services_write_to(tmp_path: Path) -> None:
+    """One that runs would lead the engine elsewhere meanwhile, by links in the place of folders still to come."""
+    edf = experiment(
+        tmp_path, "services: {a: {image: x, volumes: ['ws:/a', 'own:/own']}, b: {image: x, volumes: ['ws:/b']}}"
+    )
+    made, cluster = twin(edf), on_cluster("swarm", edf)
+    (stack,) = documents(cluster, "01-stack.yml")
+    for one in (document(made), stack):
+        shared, own = one["services"]["a"]["volumes"]
+        assert (shared["volume"], own.get("volume")) == ({"nocopy": True}, None)
+        assert one["services"]["b"]["volumes"][0]["volume"] == {"nocopy": True}
+    told = [field for field in made.fields if "no image fills a volume" in field.words]
+    assert {field.name for field in told} == {"services.a.volumes", "services.b.volumes"}
+
+
 def test_shipped_files_seeds_and_homes(tmp_path: Path) -> None:
     text = (
         "volumes: {maps: {seed: ./maps, user: '1000:1000'}}\n"
