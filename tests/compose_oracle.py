@@ -32,8 +32,7 @@ DIFFERENCES = {
     "unmapped": "develop, provider, models and blkio_config are read, and not brought to the form that Compose prints",
     "unset": "a variable without value or default is refused; Compose puts in an empty text and warns",
     "fraction": "a size with a fraction of a byte is refused; Compose takes `mem_limit: 10.5` for no limit",
-    "outside": "files outside of the folder of the file that names them are refused; Compose reads them",
-    "variables": "of `.env` beside it, a file in another folder has nothing, also an included one; for Compose it has",
+    "outside": "files outside of the folder of the whole project are refused; Compose reads them",
     "documents": "a second document in a file is refused; Compose lays it over the first",
     "home": "`~` stays in paths; Compose puts in the home of whoever calls it where a file is included or extended",
     "dates": "a word that is a date is refused; Compose takes it in a map that another file's is laid over",
@@ -98,7 +97,7 @@ def ours(
     settings: Mapping[str, str] | None = None,
     project: str | None = "p",
 ) -> tuple[Answer, Normal | None]:
-    """Read the same files ourselves."""
+    """Read the same files ourselves, as one project of the user's."""
     try:
         normal = normalise(
             [folder / file for file in files],
@@ -106,6 +105,7 @@ def ours(
             env_files=[folder / file for file in env_files],
             settings=settings or {},
             project=project,
+            root=os.path.realpath(folder),
         )
     except Refused as refused:
         for problem in refused.problems:

@@ -42,7 +42,7 @@ OWN_KEYS = PROJECT_KEYS | {
     *("quiet", "json", "detailed-exitcode", "exit-code", "pareto", "follow", "stop-timeout", "resume", "only", "show"),
     *("older-than", "cache", "since", "timestamps", "until", "env", "user", "workdir", "tty", "metric", "over"),
     *("discard", "rerun", "reason", "accept-changes", "rotate-keys", "no-probe", "network", "profile"),
-    *("margin", "strict", "with", "map", "twin", "set", "name", "env-file", "robot-map", "root", "join", "home", "lab"),
+    *("margin", "strict", "with", "map", "twin", "set", "name", "env-file", "robot-map", "root", "home", "lab"),
     *("preserve", "check", "diff", "example", "owner"),
     *("with-images", "no-bundled-images", "editor", "changed", "target", "expect", "extract", "wide", "all-instances"),
     *("lossy", "connect-rate", "engine", "site", "host", "port", "no-secret", "watch"),
@@ -50,9 +50,9 @@ OWN_KEYS = PROJECT_KEYS | {
 PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored",
               "profile": "profiles", "margin": "margins", "with": "others", "map": "pairs",
               "set": "settings", "env-file": "env_files", "with-images": "way",
-              "target": "targets", "all-instances": "every", "join": "joined"}  # fmt: skip
+              "target": "targets", "all-instances": "every"}  # fmt: skip
 """Options that have another name in the code."""
-_LISTS = ("inventory", "allow", "until", "env", "profile", "margin", "with", "map", "set", "env-file", "join", "target")
+_LISTS = ("inventory", "allow", "until", "env", "profile", "margin", "with", "map", "set", "env-file", "target")
 _GROUPS = {"export": ("compose", "kubernetes", "swarm"), "import": ("compose", "swarmrob")}
 """Verbs that stand for several: what is set for one holds for those."""
 _MOST = {"workers": os.cpu_count() or 1, "forks": 512}  # of a project's file: processes and threads of this machine

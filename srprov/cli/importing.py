@@ -33,19 +33,6 @@ def _home(_context: click.Context, _option: click.Parameter, name: str) -> str:
     return names.checked("user", name, hint="it is the user that srprov or the lab has on the robots")
 
 
-def _joined(_context: click.Context, _option: click.Parameter, given: Sequence[str]) -> Sequence[str]:
-    """Check that each is the key of a thing that files can have together."""
-    from srprov.conversion.apart import is_key
-
-    for one in given:
-        if not is_key(one):
-            hint = "name it as the refusal does, e.g. --join services.camera"
-            raise UsageError(
-                f"--join {one[:60]}: is the key of nothing that files have", hint=hint, code=Code.OPTION_VALUE
-            )
-    return given
-
-
 def _name(_context: click.Context, _option: click.Parameter, name: str) -> str:
     return names.checked("instance", name, hint="name it as an EDF would, e.g. --name trial-2") if name else ""
 
@@ -92,17 +79,12 @@ def importing() -> None:
 )  # fmt: skip
 @click.option(
     "--root", metavar="DIR", type=click.Path(exists=True, file_okay=False),
-    help="Folder of the whole project: all files in it may name what lies there. Default: each what lies beside it.",
-)  # fmt: skip
-@click.option(
-    "--join", "joined", multiple=True, metavar="KEY", callback=_joined,
-    help="What files in folders apart have together, as services.NAME or volumes.NAME; with a map of robots as "
-    "ROBOT:services.NAME. May be repeated.",
+    help="Folder of the whole project, your own: files may lie anywhere in it, and name what lies there. Default: "
+    "that of the files, which lie in one.",
 )  # fmt: skip
 def compose(
     files: tuple[str, ...], settings: dict[str, str], name: str, strict: bool, form: str, target: str,
     profiles: tuple[str, ...], env_files: tuple[str, ...], robot_map: str, home: str, root: str | None,
-    joined: tuple[str, ...],
 ) -> int:  # fmt: skip
     """Make an experiment of Docker Compose files, and say what became of each key that it does not keep as it is.
 
@@ -114,7 +96,7 @@ def compose(
 
     wanted = Wanted(
         files=files, folder=target, profiles=profiles, env_files=env_files, settings=settings, robot_map=robot_map,
-        name=name, home=home, root=root or "", joined=joined, own=secret_files.known(),
+        name=name, home=home, root=root or "", own=secret_files.known(),
     )  # fmt: skip
     return _shown(lambda: draft(wanted), files, target, form, strict=strict)
 

@@ -7,7 +7,6 @@ files that the projects name, below the folders of their files only, and writes 
     notes                      what became of each key of one project
     project, experiment        projects on their way -> a draft
     services, fields, mounts, network, names_used, deploy, builds, granted   one service
-    apart, apart_names         what files in folders apart may not have together
     folder                     a draft -> the folder, checked
     report, matrix             what was done, and what can be, for people and tools
     robots                     which file is which robot's

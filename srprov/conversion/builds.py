@@ -7,11 +7,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from shlex import quote
 from typing import Any
 
 from srprov import regular_file
-from srprov.conversion import apart
 from srprov.conversion.kept import Kept
 from srprov.conversion.project import WRITTEN, Project
 from srprov.definitions import dockerfile
@@ -49,9 +47,9 @@ def _dockerfile(build: Mapping[str, Any], service: str, project: Project, path: 
     """Return the long form of a CDF's `dockerfile`, and have its files copied."""
     context = str(build.get("context") or ".")
     place = _context_place(context, project, (*path, "context"))
-    if not place or not _may_have(build, context, project, path):
+    if not place:
         return None
-    project.take(context, (*path, "context"))
+    project.take(context)
     found: dict[str, Any] = {"context": place}
     text = _text(build, context, service, found, project, path)
     if text is None:
@@ -69,7 +67,7 @@ def _context_place(context: str, project: Project, path: Path) -> str:
         hint = "clone it beside the Compose file, and name the folder"
         project.notes.refused(path, f"'{context[:80]}' is no folder", hint)
         return ""
-    place = project.place(context, path)
+    place = project.place(context)
     if place and os.path.isdir(project.path(context)):
         return place
     what, hint = project.outside(context, path), project.elsewhere
@@ -77,24 +75,6 @@ def _context_place(context: str, project: Project, path: Path) -> str:
         what, hint = "is no folder", "copy it beside the Compose file"
     project.notes.refused(path, f"'{context[:80]}' {what}", hint)
     return ""
-
-
-def _may_have(build: Mapping[str, Any], context: str, project: Project, path: Path) -> bool:
-    """Return whether each file that decides what a build takes of its context may name that; note the refusal if not.
-
-    Of a service that extends another one, or is joined, one file may say the context, or leave it out, which is the
-    project's whole folder, and a stranger's the Dockerfile that copies all of it; or the argument that says what.
-    """
-    text = [(*path, key) for key in ("dockerfile_inline", "dockerfile") if build.get(key)]
-    chosen = [(*path, "target")] if build.get("target") else []
-    chosen += [(*path, "args", name) for name in build.get("args") or ()]
-    parts = text if apart.joined(project, path[:2]) else [*text, *chosen]
-    strange = next((at for at in parts if not project.place(context, at)), None)
-    if strange is not None:
-        words = f"it says what is built of '{context[:80]}', which lies outside of the folder of the file that says so"
-        join = f"--join {quote(apart.key_of(project, path[:2]))}; or " if strange in chosen else ""
-        project.notes.refused(strange, words, f"say it where the context is said; or {join}{project.elsewhere}")
-    return strange is None
 
 
 def _text(
@@ -109,7 +89,7 @@ def _text(
         return str(inline)
     named = str(build.get("dockerfile") or "Dockerfile")
     source = project.path(os.path.join(context, named))
-    place = project.take(source, (*path, "dockerfile"))
+    place = project.take(source)
     if not place:
         why = f"'{named[:80]}' {project.outside(os.path.join(context, named), (*path, 'dockerfile'))}"
         project.notes.refused((*path, "dockerfile"), why, project.elsewhere)

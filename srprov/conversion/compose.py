@@ -15,7 +15,7 @@ from srprov.conversion.experiment import Draft, convert
 from srprov.conversion.project import Choices, Machine, instance_name
 from srprov.conversion.withheld import refuse_read
 from srprov.definitions.model import EXPORTED
-from srprov.importing.named import check_named, check_root
+from srprov.importing.named import check_named, check_root, check_together
 from srprov.importing.normal import Normal
 from srprov.importing.read import normalise
 
@@ -32,9 +32,7 @@ class Wanted(msgspec.Struct, frozen=True, kw_only=True):
     name: str = ""
     home: str = "robot"
     root: str = ""
-    """Folder of the whole project: what its files may name."""
-    joined: Collection[str] = ()
-    """Names of what files in folders apart have together, as the user says."""
+    """Folder of the whole project: its files may lie anywhere in it, and each may name what lies there."""
     own: Collection[str] = ()
     """Real paths of files of the user's that no project has, wherever they lie: secrets were read from them."""
 
@@ -43,13 +41,15 @@ def draft(wanted: Wanted) -> Draft:
     """Return the experiment that Compose files describe.
 
     Raises:
-        Refused: A file is refused by Compose, cannot be read, or is a link that leads elsewhere; or the file of a
-            secret was read for another line.
+        Refused: A file is refused by Compose, cannot be read, lies apart, or is a link that leads elsewhere; or the
+            file of a secret was read for another line.
         DefinitionError: The map of robots is wrong.
     """
     check_named([*wanted.files, *wanted.env_files, *filter(None, [wanted.robot_map])])
     if wanted.root:
         check_root(wanted.root, wanted.files)
+    else:
+        check_together(wanted.files)
     grouped = robots.by_robot(wanted.robot_map, wanted.files) if wanted.robot_map else {"": list(wanted.files)}
     machines = [_machine(files, robot, wanted) for robot, files in grouped.items()]
     every = [one.normal for one in machines]
@@ -66,13 +66,9 @@ def draft(wanted: Wanted) -> Draft:
         else str(machines[0].normal.document.get("name") or "").removeprefix(EXPORTED)
     )
     some_profiles = bool(wanted.profiles) and "*" not in wanted.profiles
-    choices = Choices(home=wanted.home, chosen_profiles=some_profiles, own=wanted.own, joined=wanted.joined)
+    choices = Choices(home=wanted.home, chosen_profiles=some_profiles, own=wanted.own)
     made = convert(machines, instance_name(name), choices, os.path.abspath(wanted.folder), network)
-    homes = (home for one in every for some in (one.homes or {}).values() for home in some)
-    claims = dict[str, frozenset[str]]()
-    for path, folders in (one for normal in every for one in normal.claims.items()):
-        claims[path] = claims.get(path, frozenset()) | folders
-    return replace(made, homes=frozenset(homes), claims=claims)
+    return replace(made, home=every[0].home)
 
 
 def _machine(files: Sequence[str], robot: str, wanted: Wanted) -> Machine:

@@ -2,7 +2,7 @@
 
 `srprov export compose` tells containers addresses that Compose gives them, in variables and files. Those are taken out
 again, and the experiment gets the `network.discovery` that they came from, which gives them addresses of the overlay.
-What another file says of a service is left as it is: of several, one may be a stranger's.
+What another file says of a service is left as it is: the export did not write that.
 """
 
 from __future__ import annotations

@@ -5,7 +5,6 @@ Takes machines and the user's choices; gives a `Draft`. Looks at the file system
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
@@ -13,7 +12,7 @@ from typing import Any
 import msgspec
 
 from srprov.codes import Code
-from srprov.conversion import apart, apart_names, names_used, services
+from srprov.conversion import names_used, services
 from srprov.conversion.kept import Kept
 from srprov.conversion.notes import Finding, Notes
 from srprov.conversion.project import Choices, Machine, Making, Project, service_name
@@ -44,10 +43,8 @@ class Draft(msgspec.Struct, frozen=True):
     notes: tuple[Note, ...]
     origins: Mapping[str, tuple[Notes, Path]]
     """Service of the EDF -> where it comes from."""
-    claims: Mapping[str, frozenset[str]] = _NOTHING
-    """Each that a file calls a secret's -> real paths of the folders of which the files that say so may name others."""
-    homes: frozenset[str] = frozenset()
-    """Real paths of the folders of which the files may name others."""
+    home: str = ""
+    """Real path of the folder of which the files may name others; empty where that is what lies beside any."""
 
     @property
     def refused(self) -> tuple[Finding, ...]:
@@ -86,8 +83,6 @@ def convert(
             making.origins[project.names[service]] = (project.notes, ("services", service))
         _healthchecks(project)
         _top(project)
-    apart.refuse(projects)
-    apart_names.refuse(projects)
     findings = [one for project in projects for one in project.notes.finished()]
     return Draft(
         edf=_edf(making),
@@ -97,13 +92,13 @@ def convert(
         withheld=frozenset(making.withheld),
         findings=tuple(sorted(findings, key=lambda one: (one.at, one.key, one.message))),
         variables=tuple(one for project in projects for one in project.machine.normal.variables),
-        notes=(*_together(projects), *itertools.chain.from_iterable(map(_warnings, projects))),
+        notes=(*_together(projects), *(note for one in machines for note in one.normal.warnings)),
         origins=making.origins,
     )
 
 
 def _together(projects: Sequence[Project]) -> Iterator[Note]:
-    """Yield what several robots' files, or files in folders apart, open to each other.
+    """Yield what several robots' files open to each other.
 
     A network of Compose's ends at its robot, and keeps out who is not on it; the overlay has all services.
     """
@@ -113,15 +108,6 @@ def _together(projects: Sequence[Project]) -> Iterator[Note]:
         message = "all robots' services reach each other at every port on the overlay, also at what is not published"
         hint = "where one of them has an engine's socket, or no password, import each robot's files by themselves"
         yield Note(where, message, hint)
-    elif some and apart_names.are_several(projects):
-        where = some[0].machine.normal.position_of(("services",))
-        message = "services of files in folders apart reach each other by name, and at every port, on one overlay"
-        hint = "where one of the files is a stranger's, import it by itself"
-        yield Note(where, message, hint)
-
-
-def _warnings(project: Project) -> tuple[Note, ...]:
-    return (*apart.told(project), *project.machine.normal.warnings)
 
 
 def _names(project: Project, projects: Sequence[Project]) -> None:

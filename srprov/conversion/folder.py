@@ -22,13 +22,12 @@ from srprov.codes import Code
 from srprov.conversion.experiment import Draft
 from srprov.conversion.report import as_markdown
 from srprov.conversion.tree import Tree
-from srprov.conversion.withheld import check_claimed, is_withheld
+from srprov.conversion.withheld import is_withheld
 from srprov.definitions import check_files
 from srprov.definitions.model import VERSION_CONTROL
 from srprov.definitions.repository_names import WHY, repository_among
 from srprov.definitions.version_control import ELSEWHERE, is_from_elsewhere, names_in
 from srprov.errors import Diagnostic, UsageError
-from srprov.importing.compose.source import HINT
 from srprov.importing.normal import Refused
 from srprov.tree_links import leaving
 from srprov.yamldoc import writer
@@ -98,7 +97,7 @@ def _has_profiles(draft: Draft) -> bool:
 
 def _fill(draft: Draft, place: str, passed_over: tuple[str, ...], files: Sequence[str]) -> None:
     tree = Tree(place)
-    folders = draft.homes or {os.path.dirname(os.path.realpath(one)) for one in files}
+    folders = {draft.home} if draft.home else {os.path.dirname(os.path.realpath(one)) for one in files}
     copying = _Copying(tree, draft, passed_over, folders)
     for below, source in sorted(draft.copies.items()):
         try:
@@ -127,11 +126,10 @@ class _Copying:
     def __init__(self, tree: Tree, draft: Draft, passed_over: tuple[str, ...], folders: Collection[str]) -> None:
         self.tree = tree
         self.withheld = draft.withheld
-        self.claims = draft.claims
         self.known = regular_file.identities(draft.withheld)
         self.passed_over = passed_over
         self.folders = folders
-        """Of the files that are imported, and of those that they include."""
+        """Of the files that are imported, or of their whole project."""
         self.names = functools.cache(names_in)
         self.links: dict[str, str] = {}
         self.homes: dict[str, str] = {}
@@ -146,7 +144,6 @@ class _Copying:
             OSError: It cannot be read, or is too much.
         """
         if is_withheld(source, self.withheld):  # a secret is in it, or in a folder that holds it
-            check_claimed(source, self.withheld, self.claims)
             return
         if os.path.isdir(source):
             if place.count("/") > _DEEPEST:
@@ -187,7 +184,7 @@ class _Copying:
                 raise UsageError(f"nothing is written: {known}: {error}", code=Code.OUTSIDE) from None
             if out:
                 words = f"the link {top}{out} leads out of the folder of the file that has it copied"
-                hint = HINT.replace("it there", "what it leads to there", 1)
+                hint = "copy what it leads to there"
                 raise UsageError(f"nothing is written: {words}", hint=hint, code=Code.OUTSIDE)
 
     def _file(self, source: str, place: str) -> None:
@@ -197,7 +194,6 @@ class _Copying:
         content, about = regular_file.read_with_status(source, _MOST_BYTES, real=True)
         known = (about.st_dev, about.st_ino)
         if known in self.known:  # the same file as one that is never copied
-            check_claimed(source, self.withheld, self.claims)
             return
         if regular_file.has_further_names(about) and is_from_elsewhere(about, self._own_folder(source), self.names):
             raise OSError(errno.EXDEV, ELSEWHERE, source)  # once it is copied, nobody knows it again

@@ -11,7 +11,6 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from srprov.conversion import apart
 from srprov.conversion.project import WRITTEN, Project
 from srprov.definitions.model import makes_repository
 from srprov.importing.position import Path
@@ -27,8 +26,6 @@ def secrets(given: Mapping[str, Any], project: Project, at: Path, folder: str) -
     for index, one in enumerate(given.get("secrets") or ()):
         name = str(one.get("source"))
         entry = (project.document.get("secrets") or {}).get(name) or {}
-        if not apart.may_use(project, ("secrets", name), (*at, "secrets", index, "source")):
-            continue
         source = _source(entry, ("secrets", name), project, folder)
         if source is None:
             continue
@@ -78,15 +75,12 @@ def configs(given: Mapping[str, Any], project: Project, at: Path, folder: str) -
         entry = (project.document.get("configs") or {}).get(name) or {}
         path, target = ("configs", name), str(one.get("target") or f"/{name}")
         target = target if target.startswith("/") else f"/{target}"
-        used = (*at, "configs", index, "source")
-        if not apart.may_use(project, path, used):
-            continue
         if entry.get("environment"):
             source = {"env": str(entry["environment"])}
             uses.append(_use(_secret(name, source, project), target, "", one))
         elif place := _shipped(entry, name, path, project):
             mounts.append(f"./{place}:{target}")
-        project.notes.exact(used)
+        project.notes.exact((*at, "configs", index, "source"))
     return mounts, uses
 
 
@@ -108,11 +102,11 @@ def _shipped(entry: Mapping[str, Any], name: str, path: Path, project: Project) 
     if not source:
         project.notes.refused(path, f"the content of '{name[:60]}' is not here", "give it a 'file' or a 'content'")
         return ""
-    place = project.place(source, (*path, "file"))
+    place = project.place(source)
     if not place or not os.path.exists(project.path(source)):
         what, hint = project.outside(source, (*path, "file")), project.elsewhere
         if place:
             what, hint = "does not exist", ""
         project.notes.refused((*path, "file"), f"'{source[:80]}' {what}", hint)
         return ""
-    return project.take(source, (*path, "file"))
+    return project.take(source)

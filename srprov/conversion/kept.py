@@ -37,8 +37,8 @@ class Row(msgspec.Struct, frozen=True):
     """All keys below it are in the same class."""
 
 
-APART = (Kept.REFUSED, "of files in folders apart, without `--join`")
-"""When what has a name is refused, also where a service lists it."""
+APART = (Kept.REFUSED, "in a folder apart, without `--root`")
+"""When another Compose file is refused."""
 
 
 def exact(path: str, to: str = "", *but: tuple[Kept, str]) -> Row:

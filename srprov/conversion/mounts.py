@@ -13,7 +13,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from srprov import names
-from srprov.conversion import apart
 from srprov.conversion.project import Project
 from srprov.importing.position import Path
 
@@ -77,8 +76,6 @@ def _named(given: Mapping[str, Any], one: Mapping[str, Any], service: str, proje
         made = _made_name(project.names[service], str(one["target"]), project)
         project.notes.adapted(path, f"without a name: the volume '{made}', which stays until destroy --volumes")
         return _short(made, one)
-    if not apart.may_use(project, ("volumes", str(name)), (*path, "source")):
-        return None
     device = _device(str(name), project)
     if device is None:
         return _short(_volume_name(str(name), project), one)
@@ -140,13 +137,13 @@ def _bind(
         return _at_home(one, home, project, path)
     if source.startswith("/"):
         return _absolute(source, one, project, path)
-    if not project.place(source, at):
+    if not project.place(source):
         why = f"'{source[:80]}' {project.outside(source, at)}"
         project.notes.refused(path, why, project.elsewhere)
         return None
     if one.get("read_only") or os.path.isfile(project.path(source)):
-        return _shipped(source, one, project, path, at)
-    return _seeded(source, given, one, project, path, at)
+        return _shipped(source, one, project, path)
+    return _seeded(source, given, one, project, path)
 
 
 def _at_home(one: Mapping[str, Any], home: re.Match[str], project: Project, path: Path) -> object:
@@ -177,7 +174,7 @@ def _absolute(source: str, one: Mapping[str, Any], project: Project, path: Path)
     return _short(source, one)
 
 
-def _shipped(source: str, one: Mapping[str, Any], project: Project, path: Path, at: Path) -> object:
+def _shipped(source: str, one: Mapping[str, Any], project: Project, path: Path) -> object:
     if not os.path.exists(project.path(source)):
         hint = "Compose would mount an empty folder; make it, or leave it out"
         project.notes.refused(path, f"'{source[:80]}' does not exist", hint)
@@ -185,16 +182,16 @@ def _shipped(source: str, one: Mapping[str, Any], project: Project, path: Path, 
     if not one.get("read_only"):
         words = "a file is shipped to the robot read-only"
         project.notes.adapted(path, words, "for a service that writes to it, mount its folder, which becomes a volume")
-    return _short(f"./{project.take(source, at)}", {**one, "read_only": False})
+    return _short(f"./{project.take(source)}", {**one, "read_only": False})
 
 
 def _seeded(
-    source: str, given: Mapping[str, Any], one: Mapping[str, Any], project: Project, path: Path, at: Path
+    source: str, given: Mapping[str, Any], one: Mapping[str, Any], project: Project, path: Path
 ) -> object:  # fmt: skip
-    place = project.place(source, at)
+    place = project.place(source)
     name = _seed_name(place, project)
     if os.path.isdir(project.path(source)):
-        project.take(source, at)
+        project.take(source)
         user = str(given.get("user") or "")
         owner = {"user": user} if _NUMBERS.fullmatch(user) else {}
         project.making.volumes.setdefault(name, {"seed": f"./{place}", **owner})

@@ -121,9 +121,8 @@ def _range(first: int, count: int) -> str:
 
 def extra_hosts(given: _Given, project: Project, at: Path) -> dict[str, Any]:
     """Return `extra_hosts` but for what the overlay's own hosts file says, or addresses that will not be there."""
-    kept = []
-    for index, one in enumerate(given.get("extra_hosts") or ()):
-        networks = tuple(_subnets(project, project.notes.normal.position_of((*at, "extra_hosts", index)).file))
+    kept, networks = [], tuple(_subnets(project))
+    for one in given.get("extra_hosts") or ():
         name, _, address = str(one).partition("=")
         if name in project.making.known:
             why = f"'{name[:60]}' is a service, which is found at its own address"
@@ -136,11 +135,8 @@ def extra_hosts(given: _Given, project: Project, at: Path) -> dict[str, Any]:
     return {"extra_hosts": kept} if kept else {}
 
 
-def _subnets(project: Project, file: str) -> Iterator[_Subnet]:
-    """Yield the subnets of networks, but for those that a file says which is apart from one that asks."""
-    for name, network in (project.document.get("networks") or {}).items():
-        if project.are_apart(project.notes.normal.position_of(("networks", name)).file, file):
-            continue
+def _subnets(project: Project) -> Iterator[_Subnet]:
+    for network in (project.document.get("networks") or {}).values():
         for one in ((network or {}).get("ipam") or {}).get("config") or ():
             with contextlib.suppress(ValueError):
                 yield ipaddress.ip_network(str(one.get("subnet") or ""))

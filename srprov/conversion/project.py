@@ -16,8 +16,8 @@ import msgspec
 
 from srprov import names
 from srprov.conversion.notes import Notes
-from srprov.definitions.paths import belongs, inside
-from srprov.importing.compose.folders import led_away, open_to
+from srprov.definitions.paths import belongs
+from srprov.importing.compose.folders import led_away
 from srprov.importing.compose.source import HINT
 from srprov.importing.normal import Normal
 from srprov.importing.position import Path
@@ -33,9 +33,7 @@ class Machine(msgspec.Struct, frozen=True):
 
     normal: Normal
     folders: tuple[str, ...]
-    """Real paths of the folders of its files: what one of these names is taken from the one in which it lies, and from
-    nowhere else. Relative paths begin at the first.
-    """
+    """Real paths of the folders of its files, and of that of the whole project. Relative paths begin at the first."""
     robot: str = ""
     """The robot that it is pinned to."""
 
@@ -49,8 +47,6 @@ class Choices(msgspec.Struct, frozen=True):
     """Services were chosen by their profiles already."""
     own: Collection[str] = ()
     """Real paths of files of his own, which are not copied wherever they lie."""
-    joined: Collection[str] = ()
-    """Names of what files in folders apart have together, as he says."""
 
 
 @dataclass
@@ -104,8 +100,6 @@ class Project:
     """The service's name in Compose -> in the experiment."""
     volume_names: dict[str, str] = field(default_factory=dict)
     """The same of volumes."""
-    opened: dict[tuple[str, str], bool] = field(default_factory=dict)
-    """What `opens` has found."""
 
     def path(self, written: str) -> str:
         """Return the absolute path of what is written relative to the project's folder."""
@@ -114,13 +108,13 @@ class Project:
     @property
     def elsewhere(self) -> str:
         """The hint for what lies outside of the folder of the file that says so."""
-        return "copy it there" if self.notes.normal.homes is None else HINT
+        return HINT if self.notes.normal.home else "copy it there"
 
     def outside(self, source: str, at: Path) -> str:
         """Return what is said of a path that `place` does not have: where it leads, if not from beside its file."""
         path, file = self.path(source), self.notes.normal.position_of(at).file
         beside = os.path.normpath(os.path.join(os.path.realpath(os.path.dirname(file)), source))
-        is_moved = self.notes.normal.homes is not None and path != beside
+        is_moved = bool(self.notes.normal.home) and path != beside
         led = f"is {path[:200]}, as paths begin at the folder of the first file; that " if is_moved else ""
         return f"{led}lies outside of the folder of the file that says so"
 
@@ -129,43 +123,23 @@ class Project:
         """The folder that the paths of copies are relative to."""
         return os.path.commonpath(self.machine.folders)
 
-    def place(self, source: str, at: Path) -> str:
-        """Return where a file or folder goes in the experiment that is named at a path of the document.
+    def place(self, source: str) -> str:
+        """Return where a file or folder goes in the experiment that a file names.
 
-        Empty when it lies outside of the folders of which the file that says so may name others, or in what version
-        control keeps there, such as tokens.
+        Empty when it lies outside of the folder of which the files may name others, or in what version control keeps
+        there, such as tokens.
         """
-        real, folders, homes = os.path.realpath(self.path(source)), self.machine.folders, self.notes.normal.homes
-        if homes is not None:
-            folders = tuple(open_to(folders, homes.get(self.notes.normal.position_of(at).file, ())))
-        every = {*self.machine.folders, *(home for some in (homes or {}).values() for home in some)}
-        if not any(belongs(real, one) for one in folders) or led_away(self.path(source), every):
+        real, home = os.path.realpath(self.path(source)), self.notes.normal.home
+        folders = (home,) if home else self.machine.folders
+        if not any(belongs(real, one) for one in folders) or led_away(self.path(source), self.machine.folders):
             return ""
         below = os.path.relpath(real, self.base)
         first = [FILES, *([self.making.word(self.machine.robot)] if self.machine.robot else [])]
         return os.path.normpath(os.path.join(*first, below))
 
-    def opens(self, said: str, used: str) -> bool:
-        """Return whether one file may have what another one names: what lies in the other's folder.
-
-        Names of one file are not enough: a stranger's may have guessed what the user's own calls its things.
-        """
-        homes = self.notes.normal.homes
-        if homes is None:
-            return True
-        if (said, used) not in self.opened:
-            mine, those = open_to(self.machine.folders, homes.get(used, ())), homes.get(said, ())
-            found = bool(those) and all(any(inside(one, home) for home in mine) for one in those)
-            self.opened[said, used] = found
-        return self.opened[said, used]
-
-    def are_apart(self, one: str, other: str) -> bool:
-        """Return whether one of two files may not have what the other one names."""
-        return not (self.opens(one, other) and self.opens(other, one))
-
-    def take(self, source: str, at: Path) -> str:
+    def take(self, source: str) -> str:
         """Have a file or folder copied into the experiment, and return its path there; empty when it lies outside."""
-        place = self.place(source, at)
+        place = self.place(source)
         if place:
             self.making.copies[place] = os.path.realpath(self.path(source))
         return place

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from srprov.conversion.kept import APART, Kept, Row, adapted, dropped, exact, refused
+from srprov.conversion.kept import Kept, Row, adapted, dropped, exact, refused
 
 _V, _P, _N = "services.*.volumes", "services.*.ports", "services.*.networks"
 _H, _D = "services.*.healthcheck", "services.*.depends_on"
@@ -19,7 +19,7 @@ MOUNTS: tuple[Row, ...] = (
         (Kept.REFUSED, "what lies outside of the files' folders, or is missing"),
     ),
     exact(f"{_V}.type", "`type`", (Kept.REFUSED, "`npipe`, `cluster` and `image`")),
-    exact(f"{_V}.source", "`source`", APART),
+    exact(f"{_V}.source", "`source`"),
     exact(f"{_V}.target", "`target`"),
     exact(f"{_V}.read_only", "`:ro`"),
     dropped(f"{_V}.consistency", "Linux has one"),
@@ -123,7 +123,7 @@ def _granted(kind: str, what: str) -> tuple[Row, ...]:
     path = f"services.*.{kind}"
     return (
         adapted(path, what, "the container has it as a read-only file"),
-        exact(f"{path}.source", what, APART),
+        exact(f"{path}.source", what),
         exact(f"{path}.target", what),
         exact(f"{path}.mode", what),
         dropped(f"{path}.uid", "the file is root's"),

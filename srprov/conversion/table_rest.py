@@ -5,7 +5,6 @@ from __future__ import annotations
 from srprov.conversion.kept import APART, Kept, Row, adapted, dropped, exact, refused
 
 _B, _Y, _R = "services.*.build", "services.*.deploy", "services.*.deploy.resources"
-_STRANGE = (Kept.REFUSED, "said by a file that may not name the context")
 _BUILDER = "it concerns the builder that Compose uses"
 
 BUILD: tuple[Row, ...] = (
@@ -18,14 +17,13 @@ BUILD: tuple[Row, ...] = (
         "`dockerfile.dockerfile`",
         (Kept.REFUSED, "outside of the files' folders, or missing"),
     ),
-    adapted(f"{_B}.dockerfile_inline", "`dockerfile`", "it is written to a file", _STRANGE),
+    adapted(f"{_B}.dockerfile_inline", "`dockerfile`", "it is written to a file"),
     exact(
         f"{_B}.args",
         "`dockerfile.args`",
         (Kept.DROPPED, "no `ARG` of the Dockerfile takes it, or the caller would give its value"),
-        _STRANGE,
     ),
-    exact(f"{_B}.target", "`dockerfile.target`", _STRANGE),
+    exact(f"{_B}.target", "`dockerfile.target`"),
     exact(f"{_B}.platforms", "`platforms`"),
     *(
         dropped(f"{_B}.{key}", _BUILDER)
@@ -98,7 +96,7 @@ _OVERLAY = "there is one overlay, and srprov sets it up"
 TOP: tuple[Row, ...] = (
     dropped("version", "Compose passes over it"),
     adapted("name", "`name`", "in lower case, with `-` for other characters", (Kept.EXACT, "")),
-    adapted("include", "`services`", "what is included is a part of the experiment"),
+    adapted("include", "`services`", "what is included is a part of the experiment", APART),
     adapted("include.path", "`services`", "as `include`"),
     adapted("include.env_file", "`services`", "as `include`"),
     adapted("include.project_directory", "`services`", "as `include`"),
@@ -112,7 +110,7 @@ TOP: tuple[Row, ...] = (
         dropped(f"networks.*.{key}", _OVERLAY)
         for key in ("driver_opts", "internal", "enable_ipv4", "enable_ipv6", "attachable", "labels")
     ),
-    exact("volumes", "a bare name in `volumes`", APART),
+    exact("volumes", "a bare name in `volumes`"),
     dropped("volumes.*.name", "a volume is named after its instance", (Kept.EXACT, "")),
     exact("volumes.*.driver", "`local`", (Kept.REFUSED, "any other driver")),
     adapted(
@@ -129,7 +127,6 @@ TOP: tuple[Row, ...] = (
         "`secrets`",
         "a secret's value stays where it is, and is read by plan and apply",
         (Kept.REFUSED, "neither `file` nor `environment`"),
-        APART,
     ),
     dropped("secrets.*.name", "a secret is named as in the files", (Kept.EXACT, "")),
     adapted("secrets.*.file", "`secrets.*.file`", "its value stays in that file"),
@@ -143,7 +140,6 @@ TOP: tuple[Row, ...] = (
         "`volumes`",
         "a file of the experiment, shipped read-only",
         (Kept.REFUSED, "no content is here"),
-        APART,
     ),
     dropped("configs.*.name", "a file is named as in the files", (Kept.EXACT, "")),
     adapted("configs.*.file", "`volumes`", "it is copied", (Kept.REFUSED, "outside of the files' folders, or missing")),

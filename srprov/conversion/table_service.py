@@ -24,7 +24,6 @@ SERVICE: tuple[Row, ...] = (
         "names are in lower case and have no dots; others are changed",
         (Kept.EXACT, ""),
         (Kept.REFUSED, "there is none"),
-        APART,
     ),
     *(exact(f"{_S}.{key}") for key in SAME if key not in ("image", "logging", "profiles", "security_opt")),
     exact(f"{_S}.image", "", (Kept.DROPPED, "beside `build`: an image that is built is named after its content")),
@@ -116,7 +115,7 @@ SERVICE: tuple[Row, ...] = (
     refused(f"{_S}.volumes_from", "volumes of another container are not taken over: name them in both services"),
     adapted(f"{_S}.extends", "the service itself", "what is extended is merged into the service", (Kept.EXACT, "")),
     adapted(f"{_S}.extends.service", "the service itself", "as `extends`"),
-    adapted(f"{_S}.extends.file", "the service itself", "as `extends`"),
+    adapted(f"{_S}.extends.file", "the service itself", "as `extends`", APART),
     Row(f"{_S}.develop", Kept.DROPPED, "", "containers are not watched while files are edited", whole=True),
     Row(
         f"{_S}.post_start",

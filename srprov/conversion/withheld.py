@@ -6,13 +6,11 @@ whatever else of the project names one, as a mount or as a file of variables, do
 
 from __future__ import annotations
 
-import errno
 import os
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable
 
 from srprov import regular_file
 from srprov.codes import Code
-from srprov.definitions.paths import inside
 from srprov.errors import Diagnostic
 from srprov.importing.normal import Named, Refused
 
@@ -25,18 +23,6 @@ def is_withheld(path: str, secrets: Collection[str]) -> bool:
             return False
         path = above
     return True
-
-
-def check_claimed(path: str, secrets: Collection[str], claims: Mapping[str, Collection[str]]) -> None:
-    """Refuse to leave out what only files call a secret's that could not name it: a stranger's takes no file away.
-
-    Raises:
-        OSError: It is such a file.
-    """
-    those = [one for one in secrets if is_withheld(path, (one,)) or regular_file.is_one_of(path, (one,))]
-    if all(one in claims and not any(inside(path, home) for home in claims[one]) for one in those):
-        words = "it would be left out, as only a file in a folder apart calls it a secret's"
-        raise OSError(errno.EPERM, words, path)
 
 
 def refuse_read(named: Iterable[Named], secrets: Collection[str]) -> None:

@@ -15,14 +15,13 @@ from srprov.definitions.homes import homes_in
 from srprov.definitions.paths import inside, link_out
 from srprov.definitions.version_control import is_kept
 from srprov.errors import Diagnostic
+from srprov.importing.compose.folders import apart
 from srprov.importing.normal import Refused
 from srprov.importing.position import Position
 
 
 def check_root(folder: str, files: Sequence[str]) -> None:
-    """Refuse a folder for a whole project that a link leads to elsewhere, that holds the user's home, or no file.
-
-    What the files include may have a project of its own, below them.
+    """Refuse a folder for a whole project that a link leads to elsewhere, that holds the user's home, or not all files.
 
     Raises:
         Refused: It is one.
@@ -32,15 +31,22 @@ def check_root(folder: str, files: Sequence[str]) -> None:
     elif link_out(folder):
         message = "it leads out of the folder in which it is named"
         hint = f"if you mean what it leads to, name that: {quote(os.path.realpath(folder))}"
-    elif not any(_are_together(os.path.realpath(folder), os.path.realpath(one)) for one in files):
-        message, hint = "none of the files lies in it", "name a folder that is around them, or below one"
+    elif out := [one for one in files if not inside(one, folder)]:
+        message, hint = f"{out[0]} does not lie in it", "name a folder that is around all of the files"
     else:
         return
     raise Refused([Diagnostic(Position(folder), message, hint=hint, code=Code.OUTSIDE)])
 
 
-def _are_together(folder: str, file: str) -> bool:
-    return inside(file, folder) or inside(folder, os.path.dirname(file))
+def check_together(files: Sequence[str]) -> None:
+    """Refuse Compose files that lie in folders apart, where the user did not say which folder is the whole project's.
+
+    Raises:
+        Refused: Names the first that lies in another folder than the one that is named first.
+    """
+    folders = [os.path.dirname(os.path.realpath(one)) for one in files]
+    if other := next((one for one, folder in zip(files, folders, strict=True) if folder != folders[0]), ""):
+        raise apart(other, files[0], folders, Position(other))
 
 
 def check_named(files: Sequence[str]) -> None:

@@ -46,13 +46,6 @@ class Named(msgspec.Struct, frozen=True):
     at: Position
 
 
-class Part(msgspec.Struct, frozen=True):
-    """What one file says of a service, or of another thing that has a name."""
-
-    at: Position
-    keys: tuple[str, ...] = ()
-
-
 class Normal(msgspec.Struct, frozen=True):
     """One project: all files merged, variables put in, everything in its long form."""
 
@@ -64,17 +57,10 @@ class Normal(msgspec.Struct, frozen=True):
     warnings: tuple[Note, ...] = ()
     secret_files: frozenset[str] = frozenset()
     """Real paths of what any of the files calls a secret's file, also one that nothing in the document uses."""
-    claims: Mapping[str, frozenset[str]] = msgspec.field(default_factory=dict)
-    """Each of them -> real paths of the folders of which the files that say so may name files."""
     named_files: tuple[Named, ...] = ()
     """What was read for its variables, or as a Compose file; not what the user himself named."""
-    homes: Mapping[str, frozenset[str]] | None = None
-    """What a file is called in positions -> real paths of the folders of which it may name files, those in each of
-    them; None where each may name what lies beside any of them.
-    """
-
-    parts: Mapping[Path, tuple[Part, ...]] = msgspec.field(default_factory=dict)
-    """Kind and name of a thing -> what each file that was laid over others says of it, also that it goes (`!reset`)."""
+    home: str = ""
+    """Real path of the folder of which each file may name what lies there; empty where that is what lies beside any."""
 
     def position_of(self, path: Path) -> Position:
         """Return where a value was written, or the nearest value around it."""

@@ -53,17 +53,15 @@ def normalise(
         project: The project's name; without it, `COMPOSE_PROJECT_NAME` of the variables, `name:` of the files, or the
             name of the first file's folder.
         own: Real paths of files of the user's that are read for no file's sake.
-        root: Real path of the folder of the whole project, of which all files in it may name others; without it, each
-            names what lies in its own folder.
+        root: Real path of the folder of the whole project, in which all Compose files lie; without it, they lie in
+            that of the first one, also those that one of them names. Each names what lies there, and nothing else.
 
     Raises:
         Refused: With every problem that was found, each with its place.
     """
     with allowance(MOST_BYTES, MOST_VALUES):
         named = [File(str(file), str(file)) for file in files]
-        roots = dict.fromkeys(os.path.dirname(os.path.realpath(file.path)) for file in named)
-        sources = {file.shown: {os.path.realpath(file.path)} for file in named}
-        reading = Reading(tuple(roots), root, frozenset(own), sources=sources)
+        reading = Reading(root or os.path.dirname(os.path.realpath(named[0].path)), bool(root), frozenset(own))
         return _normalise(named, reading, profiles, env_files, settings or {}, project)
 
 
@@ -77,12 +75,9 @@ def _normalise(
 ) -> Normal:
     folder = os.path.dirname(os.path.realpath(files[0].path))
     given = {name: Origin(value, "--set") for name, value in settings.items()}
-    variables = Variables(given, whose=reading.whose)
+    variables = Variables(given)
     named = [File(str(path), str(path)) for path in env_files] or _own_env_file(folder, files[0])
-    # nobody named `.env`: of several files one may be a stranger's, and so may what lies beside it
-    variables = variables.beside(
-        envfiles.variables(named, reading, variables, "" if env_files else reading.whole(folder))
-    )
+    variables = variables.beside(envfiles.variables(named, reading, variables))
     name = _project_name(project, files, reading, variables)
     variables = variables.beside({"COMPOSE_PROJECT_NAME": Origin(name, "project")})
     loading = Loading(reading, variables, folder, list(notes.of_command(files, folder)))
@@ -104,20 +99,14 @@ def _result(tree: Value, loading: Loading) -> Normal:
     told = tuple(dict.fromkeys(said))
     reading = loading.reading
     named = tuple(dict.fromkeys(reading.named))
-    homes = {
-        shown: frozenset(reading.near(shown)) for shown, real in reading.sources.items() if real & reading.homes.keys()
-    }
-    parts = {path: tuple(some) for path, some in loading.parts.items()}
     return Normal(
         document=plain(tree),
         positions=dict(places(tree)),
         variables=tuple(used),
         warnings=told,
         secret_files=frozenset(reading.secrets),
-        claims={path: frozenset(some) for path, some in reading.claims.items()},
         named_files=named,
-        homes=homes,
-        parts=parts,
+        home=reading.home,
     )
 
 

@@ -196,7 +196,7 @@ def _imported(name: str) -> Callable[[Path, bytes], None]:
         files = [str(place / "compose.yml")]
         for one in ("", str(place / "map.yml")) if name == "map.yml" else ("",):
             try:
-                _written(draft(Wanted(files=files, folder="taken", robot_map=one)), files)
+                _written(draft(Wanted(files=files, folder="taken", robot_map=one, root=str(place))), files)
             except SrprovError as error:
                 assert len(str(error)) < 200_000
         assert os.listdir(folder / "away") == []

@@ -138,7 +138,8 @@ def test_the_files_of_several_robots_come_back_as_one_experiment_with_pins(tmp_p
     robots = tmp_path / "robots.yml"
     robots.write_text("".join(f"{file}: {Path(file).parent.name}\n" for file in files))
     back = str(tmp_path / "back")
-    draft = importing.draft(importing.Wanted(files=files, folder=back, robot_map=str(robots), name="hello"))
+    wanted = importing.Wanted(files=files, folder=back, robot_map=str(robots), name="hello", root=str(tmp_path / "out"))
+    draft = importing.draft(wanted)
     folder.write(draft, back, files)
     after = load_experiment(Path(back) / folder.EDF).experiment
     assert {name: one.robot for name, one in after.services.items()} == placed

@@ -56,7 +56,9 @@ def test_generated_projects_become_experiments_or_are_refused_at_a_place(project
     with tempfile.TemporaryDirectory() as name:
         folder, target = Path(name) / "in", Path(name) / "out"
         main = laid_out(folder, project)
-        wanted = Wanted(files=main, folder=str(target), settings=SETTINGS, profiles=project.profiles, name="p")
+        wanted = Wanted(
+            files=main, folder=str(target), settings=SETTINGS, profiles=project.profiles, name="p", root=str(folder)
+        )
         try:
             found = draft(wanted)
             check_findings(found)

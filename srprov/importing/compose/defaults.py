@@ -99,6 +99,6 @@ def _named_items(items: Iterable[Value], variables: Variables, *, keep: bool) ->
 
 
 def _known(value: Value, name: str, variables: Variables) -> Value:
-    origin = variables.known(name, value.place)
+    origin = variables.worth.get(name)
     variables.record(name, origin.source if origin else "unset", origin.value if origin else "", value.place)
     return value.of(origin.value) if origin else value

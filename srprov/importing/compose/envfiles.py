@@ -16,10 +16,8 @@ from srprov.importing.normal import Refused
 from srprov.importing.position import Position
 
 
-def variables(files: Sequence[File], reading: Reading, known: Variables, home: str = "") -> dict[str, Origin]:
+def variables(files: Sequence[File], reading: Reading, known: Variables) -> dict[str, Origin]:
     """Return what files of variables say; of names that several give, the last counts.
-
-    `home` is the folder whose files alone they are for; without it, they are for all.
 
     Raises:
         Refused: A file cannot be read, is none of variables, or asks for a variable that has no value.
@@ -27,9 +25,8 @@ def variables(files: Sequence[File], reading: Reading, known: Variables, home: s
     found: dict[str, Origin] = {}
     for file in files:
         text = reading.variables(file.path, file.shown, file.named)
-        found |= {
-            name: Origin(value, file.shown, home) for name, (value, _) in values(text, file.shown, known, found).items()
-        }
+        own = values(text, file.shown, known, found)
+        found |= {name: Origin(value, file.shown) for name, (value, _) in own.items()}
     if known.problems:
         raise Refused(known.problems)
     return {name: origin for name, origin in found.items() if not name[:1].isdigit()}
@@ -46,7 +43,7 @@ def values(
     scope = known.beside(ChainMap(own, dict(found or {})))
 
     def lookup(name: str, at: Position) -> str | None:
-        origin = scope.known(name, at)
+        origin = scope.worth.get(name)
         known.record(name, origin.source if origin else "unset", origin.value if origin else "", at)
         return origin.value if origin else None
 

@@ -99,6 +99,7 @@ def _wished(wish: Value, name: str) -> tuple[str, Value | None]:
 def _of_file(loading: Loading, where: Value, among: _Services) -> _Services:
     """Return the services of another file, with paths from the project's folder."""
     file = among.file.beside(loading.folder, where)
+    loading.reading.beside(file.shown, file.path, where)
     if (file.path, file.shown) not in loading.bases:
         tree, reset = first_look(file, loading)
         loading.notes += notes.of_file(tree)

@@ -1,11 +1,17 @@
-"""Folders of a project's files: which of them a file may name, and what leads out of one. Looks at the file system."""
+"""Folders of a project's files: what lies apart from them, and what leads out of one. Looks at the file system."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
+from shlex import quote
 
+from srprov.codes import Code
+from srprov.definitions.homes import homes_in
 from srprov.definitions.paths import inside
+from srprov.errors import Diagnostic
+from srprov.importing.normal import Refused
+from srprov.importing.position import Position
 
 
 def innermost(folders: Collection[str], file: str) -> str:
@@ -28,11 +34,15 @@ def led_away(path: str, folders: Collection[str]) -> bool:
     return False
 
 
-def open_to(roots: Sequence[str], near: Collection[str]) -> list[str]:
-    """Return the folders of which a file may name others: those in each that is `near` it, and in one of `roots`.
+def apart(what: str, first: str, folders: Collection[str], at: Position) -> Refused:
+    """Return the refusal of what lies in another folder than a file before it; one of them may be a stranger's.
 
-    One of several files may be a stranger's, whether the user named it or has it included by his own. What lies beside
-    another one, also further up, is then the user's. Real paths.
+    Together they are one project, in which what one says of a service, or of a name, holds for all. `folders` are the
+    real paths of all that are known.
     """
-    own = [one if any(inside(one, root) for root in roots) else "" for one in near]
-    return [one for one in dict.fromkeys((*roots, *own)) if own and all(each and inside(one, each) for each in own)]
+    around = os.path.commonpath([*folders])
+    hint = f"where all is your own project: --root {quote(around)}, which lets each name what lies there"
+    if around == os.sep or homes_in(around):
+        hint = "where it is your own: copy it beside that one"
+    message = f"{what} lies in a folder apart from {first}, and may be a stranger's"
+    return Refused([Diagnostic(at, message, hint=f"{hint}; a stranger's import by itself", code=Code.OUTSIDE)])

@@ -79,12 +79,11 @@ def _project(wish: Value, number: int, file: File, loading: Loading, load: Load)
         raise refuse(names[0], f"files include one another in a circle: '{names[0].data}'", place)
     given = wish.get("project_directory")
     folder, reading = os.path.dirname(files[0].path), loading.reading
+    for one, name in zip(files, names, strict=True):  # before any of them is read, or what lies beside it
+        reading.beside(one.shown, one.path, name)
     if given is not None and isinstance(given.data, str):
         folder = os.path.join(loading.folder, given.data)
-        reading.inside(folder, given)
-    for one in files:  # before any of them is read: what is found beside it is theirs, too
-        own = os.path.dirname(os.path.realpath(one.path))
-        reading.has_home(one.path, own if given is None else folder)
+        reading.beside(f"what {file.beside(loading.folder, given).shown} holds", folder, given, folder=True)
     folder = os.path.normpath(folder)
     variables = _variables(wish, folder, file, loading)
     tree = load(files, loading.within(folder, variables))
@@ -93,14 +92,11 @@ def _project(wish: Value, number: int, file: File, loading: Loading, load: Load)
 
 def _variables(wish: Value, folder: str, file: File, loading: Loading) -> Variables:
     """Return variables that also know those of the included project's own files."""
-    given, reading, home = wish.get("env_file"), loading.reading, ""
+    given = wish.get("env_file")
     if given is not None:
         named = [file.beside(loading.folder, name) for name in text_list(given) if isinstance(name.data, str)]
-    else:  # nobody named it: it is for that project alone, and a link of that name leads no further than its files may
-        first, home = text_list(wish.data["path"])[0], reading.whole(os.path.realpath(folder))
-        what = file.beside(loading.folder, first)
-        reading.inside(what.path, first)
-        reading.sources.setdefault(what.shown, set()).add(os.path.realpath(what.path))
-        one = file.beside(folder, Value(".env", Position(what.shown)))
+    else:  # nobody named it: a link of that name leads no further than the project's files may
+        first = file.beside(loading.folder, text_list(wish.data["path"])[0])
+        one = file.beside(folder, Value(".env", Position(first.shown)))
         named = [one] if os.path.isfile(one.path) else []
-    return loading.variables.beside(envfiles.variables(named, reading, loading.variables, home))
+    return loading.variables.beside(envfiles.variables(named, loading.reading, loading.variables))

@@ -15,8 +15,7 @@ from srprov.importing.compose.casts import interpolate
 from srprov.importing.compose.source import Reading
 from srprov.importing.compose.values import Value
 from srprov.importing.compose.variables import Variables
-from srprov.importing.normal import Note, Part, Refused
-from srprov.importing.position import Path
+from srprov.importing.normal import Note, Refused
 
 
 class File(msgspec.Struct, frozen=True):
@@ -48,9 +47,6 @@ class Loading:
     """Files that include one another down to here."""
     bases: dict[tuple[str, str], tuple[Value, resets.Resets]] = field(default_factory=dict)
     """Services of files that others extend, by path and shown name."""
-
-    parts: dict[Path, list[Part]] = field(default_factory=dict)
-    """Kind and name of a thing -> what each file says of it. What a service extends is what its own file says."""
 
     def within(self, folder: str, variables: Variables) -> Loading:
         """Return what an included project is read with."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from srprov.importing.compose import check, defaults, extends, include, notes, parts
+from srprov.importing.compose import check, defaults, extends, include, notes
 from srprov.importing.compose.forms import long
 from srprov.importing.compose.loading import File, Loading, first_look
 from srprov.importing.compose.merge import merged
@@ -34,7 +34,6 @@ def load(files: Sequence[File], loading: Loading) -> Value:
 
 def _laid_over(tree: Value, file: File, loading: Loading) -> Value:
     own, reset = first_look(file, loading)
-    parts.note(loading.reading.tree(file.path, file.shown, file.named), tree, loading.parts)
     loading.notes += notes.of_file(own)
     own = extends.extended(own, reset, file, loading)
     tree = reset.drop(tree)

@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from srprov import regular_file
 from srprov.codes import Code
 from srprov.definitions.own_content import is_own
-from srprov.definitions.paths import belongs, inside
+from srprov.definitions.paths import belongs
 from srprov.errors import DefinitionError, Diagnostic
-from srprov.importing.compose.folders import innermost, led_away, open_to
+from srprov.importing.compose.folders import apart, led_away
 from srprov.importing.compose.scalars import Date, meaning
 from srprov.importing.compose.scalars import shown as as_printed
 from srprov.importing.compose.values import Value, dotted
@@ -33,31 +33,25 @@ _KINDS = {bool: "a boolean", int: "a number", float: "a number", type(None): "no
 class Reading:
     """What may be read, and what was."""
 
-    roots: tuple[str, ...]
-    """Real paths of the folders that the user's own files lie in."""
-    project: str = ""
-    """Real path of a folder of which all files in it may name others; the user says it."""
+    home: str
+    """Real path of the folder in which all Compose files lie, and of which each may name files."""
+    whole: bool = False
+    """They may lie anywhere below it: it is the folder of a whole project, as the user says."""
     own: frozenset[str] = frozenset()
     """Real paths of files that secrets were read from on this machine: their values are put into nothing else."""
     count: int = 0
-    sources: dict[str, set[str]] = field(default_factory=dict)
-    """What a file is called in positions -> the real paths of what was read under that name."""
-    homes: dict[str, set[str]] = field(default_factory=dict)
-    """Real path of a Compose file -> those of the folders of which it may name files: its own, or a project's."""
     texts: dict[str, str] = field(default_factory=dict)
     """What was read, by its real path."""
     trees: dict[tuple[str, str], Value] = field(default_factory=dict)
     secrets: set[str] = field(default_factory=set)
     """Real paths of what any of the files calls a secret's file, whether a service that is wanted has it or not."""
-    claims: dict[str, set[str]] = field(default_factory=dict)
-    """The same -> real paths of the folders of which the files that say so may name files."""
     named: list[Named] = field(default_factory=list)
     """What was read because a file names it."""
     written: dict[Position, str] = field(default_factory=dict)
     """Numbers that Compose prints in another way than they are written, by their place."""
 
     def inside(self, path: str, named: Value) -> str:
-        """Return the real path of a file that a file names; it must lie in a folder of which that one may name files.
+        """Return the real path of a file that a file names; it must lie in the folder of which that one may name files.
 
         It must not be what version control keeps there, such as a token.
 
@@ -65,43 +59,22 @@ class Reading:
             Refused: It does not.
         """
         real = os.path.realpath(path)
-        near = self.open_to(named.at.file)
-        if not any(belongs(real, root) for root in near) or led_away(path, self.folders()):
+        if not belongs(real, self.home) or led_away(path, (self.home,)):
             where = "outside of the folder of the file that says so, in .git or the like"
             message = f"'{named.data}' lies {where}, or elsewhere by another name (a hard link), and is not read"
             raise Refused([Diagnostic(named.at, message, hint=HINT, code=Code.OUTSIDE)])
         return real
 
-    def open_to(self, shown: str) -> list[str]:
-        """Return the folders of which a file may name others, all that lies in each."""
-        return open_to((*self.roots, *filter(None, [self.project])), self.near(shown))
+    def beside(self, shown: str, path: str, named: Value, *, folder: bool = False) -> None:
+        """Check that a Compose file that one names, or the folder of a project, is no other project's.
 
-    def near(self, shown: str) -> set[str]:
-        """Return the folders of which a file may name others, as each that was read under a name has them."""
-        files = self.sources.get(shown, ())
-        return {self.whole(home) for file in files for home in self.homes.get(file, {os.path.dirname(file)})}
-
-    def whole(self, folder: str) -> str:
-        """Return the folder that counts for one: the whole project's, where that was said and it is around it."""
-        return self.project if self.project and folder and inside(folder, self.project) else folder
-
-    def has_home(self, path: str, folder: str) -> None:
-        """Note the folder of which a Compose file may name files, which who includes it may name."""
-        self.homes.setdefault(os.path.realpath(path), set()).add(os.path.realpath(folder))
-
-    def folders(self) -> set[str]:
-        """Return all folders of which some file may name files."""
-        return {self.whole(one) for one in (*self.roots, *(home for some in self.homes.values() for home in some))}
-
-    def whose(self, shown: str) -> set[str]:
-        """Return the folders whose variables a file has that was read under a name.
-
-        Of a Compose file that is those of which it may name files, and of another one the innermost of these around it.
+        Raises:
+            Refused: It lies apart, or may not be named at all.
         """
-        folders, found = self.folders(), set[str]()
-        for file in self.sources.get(shown, ()):
-            found |= self.homes.get(file) or {innermost(folders, file)}
-        return {self.whole(one) for one in found}
+        real = self.inside(path, named)
+        place = real if folder else os.path.dirname(real)
+        if not self.whole and place != self.home:
+            raise apart(shown, named.at.file, (place, self.home), named.at)
 
     def note_secrets(self, tree: Value, folders: Collection[str]) -> None:
         """Note what a file calls secrets' files, wherever its relative paths may begin."""
@@ -110,10 +83,7 @@ class Reading:
             file = entry.get("file")
             if file is not None and isinstance(file.data, str) and "\0" not in file.data:
                 named = os.path.expanduser(file.data)
-                found = {os.path.realpath(os.path.join(folder, named)) for folder in folders}
-                self.secrets |= found
-                for one in found:
-                    self.claims.setdefault(one, set()).update(self.open_to(file.at.file))
+                self.secrets |= {os.path.realpath(os.path.join(folder, named)) for folder in folders}
 
     def text(self, path: str, shown: str, named: Value | None) -> str:
         """Return a file's text; `named` is where a file names it, None for one that the user named.
@@ -123,7 +93,6 @@ class Reading:
         """
         try:
             real = os.path.realpath(path) if named is None else self.inside(path, named)
-            self.sources.setdefault(shown, set()).add(real)
             if named is not None:
                 self.named.append(Named(real, str(named.data), named.at))
             if real not in self.texts:
@@ -169,8 +138,6 @@ class Reading:
             Refused: It cannot be read, is no YAML, too large, empty, no map, or has keys that are no text.
         """
         if (path, shown) not in self.trees:
-            if os.path.realpath(path) not in self.homes:
-                self.has_home(path, os.path.dirname(os.path.realpath(path)))
             self.trees[path, shown] = _tree(self.text(path, shown, named), shown, self.written)
         return self.trees[path, shown]
 

@@ -7,12 +7,12 @@ taken from the environment of this process. What Compose would take from there i
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from srprov.codes import Code
 from srprov.errors import Diagnostic
-from srprov.importing.compose.origins import Both, Origin, every, not_for
+from srprov.importing.compose.origins import Both, Origin
 from srprov.importing.normal import Refused, Variable
 from srprov.importing.position import Position
 
@@ -40,22 +40,10 @@ class Variables:
     problems: list[Diagnostic] = field(default_factory=list)
     size: list[int] = field(default_factory=lambda: [0, 0])
     """How much text there is by now, and was looked at; one list for all that read one project."""
-    whose: Callable[[str], Collection[str]] = lambda _: ()
-    """Returns the folders whose variables a file has that was read under a name."""
 
     def beside(self, more: Mapping[str, Origin]) -> Variables:
         """Return variables that know more names, for an included project; what is asked for is recorded here too."""
-        return Variables(Both(self.worth, more), self.used, self.problems, self.size, self.whose)
-
-    def known(self, name: str, at: Position) -> Origin | None:
-        """Return what a variable is worth to a file; one that is for others has no value, which is a problem."""
-        worth = every(self.worth, name)
-        if not worth or worth[0].is_for(self.whose(at.file) if worth[0].home else ()):
-            return worth[0] if worth else None
-        if given := next((one for one in worth if not one.home), None):
-            return given  # somebody named the file, for this project
-        self.problems.append(not_for(name, worth[0].source, at))
-        return Origin("", worth[0].source)
+        return Variables(Both(self.worth, more), self.used, self.problems, self.size)
 
     def put_in(self, text: str, at: Position) -> str:
         """Return a text with its variables put in; what is wrong is added to `problems`.
@@ -169,7 +157,7 @@ class _Text:
         return ""
 
     def _plain(self, name: str) -> str:
-        known = self.variables.known(name, self.at)
+        known = self.variables.worth.get(name)
         if known is None:
             self.variables.record(name, "unset", "", self.at)
             message = f"the variable {name} has no value; nothing is taken from this machine's environment"
@@ -184,7 +172,7 @@ class _Text:
         return known.value
 
     def _signed(self, name: str, sign: str, word: str, depth: int) -> str:
-        known = self.variables.known(name, self.at)
+        known = self.variables.worth.get(name)
         usable = known is not None and (bool(known.value) or not sign.startswith(":"))
         word = self.put_in(word, depth + 1)
         if sign.endswith("+"):

@@ -178,40 +178,13 @@ def refused_as_outside(files: list[str], capsys: pytest.CaptureFixture[str]) -> 
 
 
 @pytest.mark.parametrize("text", NAMES)
-def test_a_file_names_nothing_that_lies_beside_another_one_of_the_users(
+def test_a_file_names_nothing_that_lies_beside_its_folder(
     together: Path, capsys: pytest.CaptureFixture[str], text: str
 ) -> None:
-    """It may be a stranger's, and what the user lays over it lies among his own files."""
+    """It may be a stranger's, in a folder among the user's own."""
     (together / "compose.yml").write_text(f"{text}\n")
     (together / "more.yml").write_text("services: {a: {image: '${A:-x}'}}\n")
-    for files in (["stranger/compose.yml", "lab/mine.yml"], ["lab/base.yml", "stranger/compose.yml"]):
-        assert run(["import", "compose", *files, "-o", "new"]) == 5
-        said = capsys.readouterr()
-        assert not Path("new").exists() and CANARY not in said.out + said.err and "lies outside" in said.out + said.err
-
-
-@pytest.mark.parametrize("text", NAMES)
-def test_a_clone_below_the_users_folder_names_nothing_of_that_folder(
-    together: Path, capsys: pytest.CaptureFixture[str], text: str
-) -> None:
-    """It lies in his folder, too; the nearest folder counts."""
-    (together / "compose.yml").write_text(f"{text}\n")
-    (together / "more.yml").write_text("services: {a: {image: '${A:-x}'}}\n")
-    Path("mine.yml").write_text("services: {a: {environment: {RATE: '5'}}}\n")
-    refused_as_outside(["stranger/compose.yml", "mine.yml"], capsys)
-
-
-def test_of_a_folder_below_a_file_names_nothing_further_up_either(
-    together: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The user's own file, which comes first, says where relative paths begin; that one may name what is below."""
-    (together / "compose.yml").write_text("services: {a: {image: x, volumes: ['./lab/notes.txt:/n:ro']}}\n")
-    Path("base.yml").write_text("services: {own: {image: x, volumes: ['./stranger/Dockerfile:/d:ro']}}\n")
-    assert run(["import", "compose", "base.yml", "stranger/compose.yml", "-o", "new"]) == 5
-    said = capsys.readouterr().out
-    assert "stranger/compose.yml:1" in said and "lies outside of the folder of the file that says so" in said
-    (together / "compose.yml").write_text("services: {a: {image: x}}\n")
-    assert run(["import", "compose", "base.yml", "stranger/compose.yml", "-o", "new"]) == 0, capsys.readouterr().err
+    refused_as_outside(["stranger/compose.yml"], capsys)
 
 
 @pytest.mark.parametrize(
@@ -238,214 +211,51 @@ def test_a_path_that_begins_elsewhere_than_it_looks_is_shown_whole(
     assert f"'{named}' lies outside" in capsys.readouterr().out
 
 
-def test_no_file_of_variables_is_read_by_a_link_out_of_a_folder_of_another_file(
+def test_no_file_of_variables_is_read_by_a_link_out_of_its_folder(
     together: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The user's own file may name both; where the link leads is the word of who wrote what lies in that folder."""
-    (together / "compose.yml").write_text("services: {a: {image: x}}\n")
+    (together / "compose.yml").write_text("services: {a: {image: x, env_file: ./linked.env}}\n")
     (together / "own.env").write_text("A=1\n")
-    Path("vars.env").write_text(f"B={CANARY}\n")
-    text = "services: {own: {image: x, env_file: ./stranger/linked.env}}\ninclude: [./stranger/compose.yml]\n"
-    Path("base.yml").write_text(text)
-    for target, code in (("../vars.env", 5), ("own.env", 0)):
+    for target, code in (("../lab/vars.env", 5), ("own.env", 0)):
         (together / "linked.env").unlink(missing_ok=True)
         (together / "linked.env").symlink_to(target)
-        assert run(["import", "compose", "base.yml", "-o", "new"]) == code, capsys.readouterr()
+        assert run(["import", "compose", "stranger/compose.yml", "-o", "new"]) == code, capsys.readouterr()
     assert CANARY not in Path("new/experiment.edf").read_text()
 
 
-def test_a_file_is_known_by_what_it_is_and_not_by_how_it_is_called(
-    together: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """By a link, the name of a file that is included ends in the user's folder, and the file does not."""
-    (together / "d" / "e").mkdir(parents=True)
-    (together / "d" / "lab").mkdir()
-    (together / "l").symlink_to("d/e")
-    (together / "d" / "lab" / "mine.yml").write_text(f"{NAMES[0].replace('../lab', '../../../lab')}\n")
-    (together / "compose.yml").write_text("services: {b: {image: x}}\ninclude: [l/../lab/mine.yml]\n")
-    (together / "lab").symlink_to("d/lab")
-    for included in ("l/../lab/mine.yml", "l/../../lab/mine.yml", "d/lab/mine.yml"):
-        (together / "compose.yml").write_text(f"services: {{b: {{image: x}}}}\ninclude: [{included}]\n")
-        assert run(["import", "compose", "stranger/compose.yml", "lab/mine.yml", "-o", "new"]) == 5
-        said = capsys.readouterr()
-        assert not Path("new").exists() and CANARY not in said.out + said.err
-
-
-def test_a_file_names_what_lies_beside_itself(together: Path) -> None:
+def test_a_file_of_a_whole_project_names_what_lies_anywhere_in_it(together: Path) -> None:
     """Relative paths begin in the folder of the first one, whichever file they stand in."""
     (together / "map.yaml").write_text("a map")
     (together / "compose.yml").write_text("services: {a: {image: x, volumes: ['./map.yaml:/m:ro']}}\n")
     mine = "env_file: ../lab/vars.env, volumes: ['../lab/notes.txt:/n:ro']"
     Path("lab/mine.yml").write_text(f"services: {{a: {{{mine}}}}}\n")
-    files = ["stranger/compose.yml", "lab/mine.yml", "--join", "services.a"]
-    assert run(["import", "compose", *files, "-o", "new"]) == 0
+    assert run(["import", "compose", "stranger/compose.yml", "lab/mine.yml", "--root", ".", "-o", "new"]) == 0
     assert Path("new/files/lab/notes.txt").read_text() == CANARY
     assert Path("new/files/stranger/map.yaml").read_text() == "a map"
-
-
-OWN = (
-    "configs: {own: {file: ../lab/notes.txt}}",
-    f"configs: {{own: {{content: {CANARY}}}}}",
-    "volumes: {own: {driver: local, driver_opts: {type: none, o: bind, device: ../lab/own}}}",
-    "volumes: {own: {driver: local, driver_opts: {type: none, o: 'bind,ro', device: ../lab/notes.txt}}}",
-)
-
-
-@pytest.mark.parametrize("said", OWN)
-@pytest.mark.parametrize("mode", ["", ":ro"])
-def test_a_name_that_the_users_own_file_gives_a_file_gives_it_to_no_service_of_another(
-    together: Path, capsys: pytest.CaptureFixture[str], said: str, mode: str
-) -> None:
-    """It is in his file, where it may be named; which of the services has it is a stranger's word."""
-    use = "configs: [own]" if said.startswith("configs") else f"volumes: ['own:/n{mode}']"
-    (together / "compose.yml").write_text(f"services: {{a: {{image: x, {use}}}}}\n")
-    mine = Path("lab/mine.yml")
-    mine.write_text(f"services: {{own: {{image: x, {use}}}}}\n{said}\n")
-    for files in (["stranger/compose.yml", "lab/mine.yml"], ["lab/mine.yml", "stranger/compose.yml"]):
-        text = mine.read_text()
-        if files[0] != "stranger/compose.yml":
-            mine.write_text(text.replace("../lab/", "./"))
-        assert run(["import", "compose", *files, "-o", "new"]) == 5
-        told = capsys.readouterr()
-        assert "stranger/compose.yml:1" in told.out + told.err and "another file" in told.out + told.err
-        assert not Path("new").exists()
-        mine.write_text(text)
-    # whose file it is may give it to that service, and whoever calls the whole project his
-    assert run(["import", "compose", "stranger/compose.yml", "lab/mine.yml", "--root", ".", "-o", "whole"]) == 0
-    files = ["stranger/compose.yml", "lab/mine.yml", "--join", f"{said.partition(':')[0]}.own"]
-    assert run(["import", "compose", *files, "-o", "joined"]) == 0, capsys.readouterr()
-    mine.write_text(f"services: {{own: {{image: x, {use}}}, a: {{{use}}}}}\n{said}\n")
-    files = ["stranger/compose.yml", "lab/mine.yml", "--join", "services.a"]
-    assert run(["import", "compose", *files, "-o", "new"]) == 0, capsys.readouterr()
-
-
-def test_a_service_and_a_volume_of_several_files_are_told(together: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """What a stranger's says runs in the user's own service has that one's files and secrets."""
-    used = "services: {a: {image: x, volumes: ['data:/d']}, own: {entrypoint: [sh, -c, ls]}}"
-    (together / "compose.yml").write_text(f"{used}\n")
-    Path("lab/mine.yml").write_text("services: {own: {image: x, volumes: ['data:/d']}}\nvolumes: {data: {}}\n")
-    files = ["stranger/compose.yml", "lab/mine.yml"]
-    assert run(["import", "compose", *files, "-o", "new"]) == 5
-    told = capsys.readouterr().out
-    assert "'own' is of lab/mine.yml:1 (image, volumes) and stranger/compose.yml:1 (entrypoint)" in told
-    joined = ["--join", "services.own", "--join", "volumes.data"]
-    assert all(" ".join(joined[at : at + 2]) in told for at in (0, 2)) and not Path("new").exists()
-    assert run(["import", "compose", *files, *joined, "-o", "new"]) == 0
-    told = capsys.readouterr()
-    for what in ("the service 'own'", "the volume 'data'"):
-        line = next(one for one in (told.out + told.err).splitlines() if f"{what} has parts" in one)
-        assert all(one in line for one in files)
-    assert "the service 'a'" not in told.out + told.err
-    assert run(["import", "compose", *files, "--root", ".", "-o", "whole"]) == 0
-    assert "has parts" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("form", ["text", "markdown", "json", "sarif"])
 def test_a_note_and_what_to_look_at_is_in_every_form(
     together: Path, capsys: pytest.CaptureFixture[str], form: str
 ) -> None:
-    (together / "compose.yml").write_text("services: {own: {entrypoint: [sh, -c, ls]}}\n")
-    Path("lab/mine.yml").write_text("services: {own: {image: x}}\n")
-    files = ["lab/mine.yml", "stranger/compose.yml", "--join", "services.own"]
+    Path("lab/more.yml").write_text("services: {more: {image: x}}\n")
+    Path("map").write_text("lab/base.yml: r1\nlab/more.yml: r2\n")
+    files = ["lab/base.yml", "lab/more.yml", "--robot-map", "map"]
     assert run(["import", "compose", *files, "-o", "new", "--format", form]) == 0
     for told in (capsys.readouterr().out, Path("new/import-report.md").read_text()):
-        assert "the service 'own' has parts" in told and "where one of them is a stranger's, look at what" in told
+        assert "all robots' services reach each other" in told and "import each robot's files by themselves" in told
 
 
-ASKING = ("{A: '${A}'}", "{A: '${A:-none}'}", "{A: '${A:+some}'}", "[A]", "{A: }")
-
-
-@pytest.mark.parametrize("environment", ASKING)
-def test_what_stands_beside_the_users_own_file_is_worth_nothing_to_another_one(
-    together: Path, capsys: pytest.CaptureFixture[str], environment: str
-) -> None:
-    """Nobody names `.env`: it is read for the first file, and a stranger's that is laid over it asks for a password."""
-    Path("lab/.env").write_text(f"A={CANARY}\n")
-    (together / "compose.yml").write_text(f"services: {{b: {{image: x, environment: {environment}}}}}\n")
-    for files in (["lab/base.yml", "stranger/compose.yml"], ["lab/base.yml", "lab/../stranger/compose.yml"]):
-        assert run(["import", "compose", *files, "-o", "new"]) == 5
-        said = capsys.readouterr()
-        assert not Path("new").exists() and CANARY not in said.out + said.err
-        assert "stranger/compose.yml:1" in said.err and "is of lab/.env, beside which this file does not" in said.err
-    (together / "compose.yml").write_text("services: {b: {image: x, env_file: ../stranger/b.env}}\n")
-    (together / "b.env").write_text("B=${A}\nA\n")
-    assert run(["import", "compose", "lab/base.yml", "stranger/compose.yml", "-o", "new"]) == 5
-    assert CANARY not in capsys.readouterr().err and not Path("new").exists()
-
-
-def test_what_stands_beside_a_strangers_file_says_nothing_of_what_the_user_names(
-    together: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """His own file, laid over it, ships one of his folders; the stranger's `.env` says that it is all of them."""
-    (together / "compose.yml").write_text("services: {a: {image: '${IMAGE}'}}\n")
-    (together / ".env").write_text("IMAGE=x\nMAPS=../lab\n")
-    Path("lab/maps").mkdir()
-    Path("lab/maps/hall").write_text("a map")
-    Path("lab/mine.yml").write_text("services: {a: {volumes: ['${MAPS:-../lab/maps}:/m:ro']}}\n")
-    files = ["stranger/compose.yml", "lab/mine.yml"]
-    files += ["--join", "services.a"]
-    assert run(["import", "compose", *files, "-o", "new"]) == 5
-    said = capsys.readouterr().err
-    assert "lab/mine.yml:1" in said and "--env-file stranger/.env" in said and not Path("new").exists()
-    assert run(["import", "compose", *files, "--set", "MAPS=../lab/maps", "-o", "new"]) == 0, capsys.readouterr().err
-    assert Path("new/files/lab/maps/hall").exists() and not Path("new/files/lab/notes.txt").exists()
-
-
-def test_a_file_of_variables_that_is_named_is_for_all_files(together: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`.env`, which nobody names, is for the files of its own folder."""
+def test_variables_are_for_all_files_of_a_whole_project(together: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Those of `.env` beside the first as well."""
     Path("lab/.env").write_text("A=1\n")
     Path("lab/base.yml").write_text("services: {a: {image: 'x:${A}'}}\ninclude: [own/more.yml]\n")
     Path("lab/own/more.yml").write_text("services: {c: {image: 'x:${A}'}}\n")
     (together / "compose.yml").write_text("services: {b: {image: 'x:${A}'}}\n")
-    assert run(["import", "compose", "lab/base.yml", "-o", "one"]) == 5
-    assert "lab/own/more.yml:1" in capsys.readouterr().err
-    assert run(["import", "compose", "lab/base.yml", "--root", "lab", "-o", "one"]) == 0, capsys.readouterr().err
-    files = ["lab/base.yml", "stranger/compose.yml"]
-    assert run(["import", "compose", *files, "--env-file", "lab/.env", "-o", "two"]) == 0, capsys.readouterr().err
-    assert Path("two/experiment.edf").read_text().count("x:1") == 3
-
-
-@pytest.mark.parametrize("text", NAMES)
-def test_a_file_that_is_included_names_nothing_further_up(
-    together: Path, capsys: pytest.CaptureFixture[str], text: str
-) -> None:
-    """The user's own file includes a stranger's, as a submodule has it: that is no word on what lies beside his own."""
-    (together / "compose.yml").write_text(f"{text}\n")
-    (together / "more.yml").write_text("services: {a: {image: '${A:-x}'}}\n")
-    Path("mine.yml").write_text("services: {own: {image: x}}\ninclude: [stranger/compose.yml]\n")
-    refused_as_outside(["mine.yml"], capsys)
-
-
-@pytest.mark.parametrize("text", [NAMES[0], NAMES[1], NAMES[3], NAMES[6], NAMES[8]])
-def test_a_service_that_is_extended_has_nothing_from_further_up(
-    together: Path, capsys: pytest.CaptureFixture[str], text: str
-) -> None:
-    (together / "compose.yml").write_text(f"{text}\n")
-    Path("mine.yml").write_text("services: {own: {extends: {file: stranger/compose.yml, service: a}}}\n")
-    refused_as_outside(["mine.yml"], capsys)
-
-
-def test_who_includes_a_file_says_where_its_project_is(together: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Then it may name what lies there, and no file that is included may say so of itself."""
-    (together / "compose.yml").write_text("services: {a: {image: x, volumes: ['./lab/own:/n:ro']}}\n")
-    Path("mine.yml").write_text("include: [{path: stranger/compose.yml, project_directory: .}]\n")
-    assert run(["import", "compose", "mine.yml", "-o", "new"]) == 0, capsys.readouterr().err
-    assert Path("new/files/lab/own/file").read_text() == CANARY
-    (together / "on.yml").write_text("include: [{path: compose.yml, project_directory: ..}]\n")
-    Path("mine.yml").write_text("include: [stranger/on.yml]\n")
-    assert run(["import", "compose", "mine.yml", "-o", "other"]) == 5
-    assert "'..' lies outside" in capsys.readouterr().err
-
-
-def test_no_second_name_of_a_file_of_the_users_is_in_what_an_included_file_mounts(
-    together: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (together / "maps").mkdir()
-    (together / "maps" / "floor").hardlink_to("lab/notes.txt")
-    (together / "compose.yml").write_text("services: {a: {image: x, volumes: ['./maps:/m:ro']}}\n")
-    Path("mine.yml").write_text("services: {own: {image: x}}\ninclude: [stranger/compose.yml]\n")
-    assert run(["import", "compose", "mine.yml", "-o", "new"]) != 0
-    assert "hard link" in capsys.readouterr().err and not Path("new").exists()
+    files = ["lab/base.yml", "stranger/compose.yml", "--root", "."]
+    for words in ([], ["--env-file", "lab/.env"]):
+        assert run(["import", "compose", *files, *words, "-o", f"new{len(words)}"]) == 0, capsys.readouterr().err
+        assert Path(f"new{len(words)}/experiment.edf").read_text().count("x:1") == 3
 
 
 @pytest.fixture
@@ -501,31 +311,6 @@ def test_a_home_and_a_link_are_no_whole_project(
     monkeypatch.setenv("HOME", str(tmp_path))
     assert run(["import", "compose", "docker/compose.yml", "--root", "..", "-o", "new"]) == 5
     assert "it is your home" in capsys.readouterr().err
-
-
-@pytest.mark.usefixtures("ros_project")
-def test_a_folder_with_none_of_the_files_is_no_whole_project(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["import", "compose", "docker/compose.yml", "--root", "src", "-o", "new"]) == 5
-    assert "none of the files lies in it" in capsys.readouterr().err and not Path("new").exists()
-
-
-def test_what_is_included_may_be_the_whole_project(ros_project: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Then that has nothing of the user's own file, and its variables by `--env-file` alone."""
-    Path("docker/compose.yml").write_text("services: {nav: {image: 'x:${TAG}', volumes: ['../src:/s:ro']}}\n")
-    own = ros_project.parent
-    (own / ".env").write_text("TAG=8\n")
-    (own / "mine.yml").write_text("include: [nav/docker/compose.yml]\n")
-    words = ["import", "compose", str(own / "mine.yml"), "--root", ".", "-o"]
-    assert run([*words, "new"]) == 5
-    assert "TAG is of" in capsys.readouterr().err
-    words[-1:] = ["--env-file", str(own / ".env"), "-o"]
-    assert run([*words, "new"]) == 0, capsys.readouterr().err
-    assert list(Path("new/files").rglob("node.py"))
-    assert "x:8" in Path("new/experiment.edf").read_text()
-    (own / "private.txt").write_text(CANARY)
-    Path("docker/compose.yml").write_text("services: {nav: {image: x, volumes: ['../../private.txt:/p:ro']}}\n")
-    assert run([*words, "other"]) == 5
-    assert "lies outside" in capsys.readouterr().out and not Path("other").exists()
 
 
 @pytest.mark.usefixtures("ros_project")

@@ -50,6 +50,7 @@ def drafted(case: Path, tmp_path: Path) -> Draft:
         Wanted(
             files=[str(tmp_path / "in" / name) for name in said["files"]],
             folder=str(tmp_path / "out"),
+            root=str(tmp_path / "in"),
             settings=said.get("settings", {}),
             env_files=[str(tmp_path / "in" / name) for name in said.get("env_files", [])],
         )

@@ -52,7 +52,9 @@ def normal(tmp_path: Path) -> Normal:
     for name, text in (("c.yml", MAIN), ("sub/base.yml", BASE), ("d.yml", OVER), ("own.env", "# c\nOWN=5\nTWO=$OWN\n")):
         (tmp_path / name).write_text(text)
     (tmp_path / ".env").write_text("WORD='w'\n")
-    return normalise([tmp_path / "c.yml", tmp_path / "d.yml"], project="p", settings={"UNUSED": "1"})
+    return normalise(
+        [tmp_path / "c.yml", tmp_path / "d.yml"], project="p", settings={"UNUSED": "1"}, root=str(tmp_path.resolve())
+    )
 
 
 PLACES = [

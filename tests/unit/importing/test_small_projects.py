@@ -26,8 +26,6 @@ ON_PURPOSE: Mapping[str, str] = {
     "environment: {A: !!null x}": "tags",
     "<<: {tty: true}\n<<: {init: true}": "tags",
     "services: {a: {image: x}}\n---\nservices: {b: {image: y}}": "documents",
-    "second folder": "outside",
-    "inc env2": "variables",
     "build2": "crash",
     "pid:": "crash",
     "mem_limit: 10.5": "fraction",
