@@ -16,6 +16,7 @@ from srprov.codes import Code
 from srprov.definitions import schema, sshargs
 from srprov.definitions.groups import Variables
 from srprov.definitions.model import Host
+from srprov.errors import visible
 from srprov.secret import Secret
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Scalar, Seq
@@ -23,6 +24,8 @@ from srprov.yamldoc.nodes import Findings, Map, Node, Scalar, Seq
 _T = TypeVar("_T")
 _SSH = {"ssh", "smart", "paramiko", "paramiko_ssh", "ansible.builtin.ssh", "ansible.builtin.paramiko_ssh"}
 _LOCAL = {"local", "ansible.builtin.local"}
+_ONE_WORD = re.compile(r"[\w/.,:@+-]*")
+"""Of the path of a folder: what no shell, and not ssh, takes for anything else."""
 _NAMES = re.compile(r"\{\{\s*(inventory_hostname|inventory_hostname_short|inventory_dir)\s*\}\}")
 _TEMPLATE, _VAULT, _NUL = "a template", "a vault value", "a text with a NUL character"
 _HINTS = {
@@ -118,7 +121,14 @@ class _VariableReader:
         for key in keys:
             found = self.visible(key)
             if isinstance(found, Scalar) and not nodes.is_null(found):
-                return self._named(found.text)
+                named = self._named(found.text)
+                if key in _ARGUMENTS and named != found.text and not _ONE_WORD.fullmatch(self.folder):
+                    # nobody who reads it sees that name: it would be further options, or be run by a shell
+                    message = f"its folder, {visible(self.folder)[:80]}, is more than one word of ssh's arguments"
+                    hint = f"give '{key}' the whole path, in quotes, or the folder another name"
+                    self.findings.add(found, message, (key,), hint, code=Code.HOST_VARIABLE)
+                    return None
+                return named
             if found is not None and not isinstance(found, Scalar):
                 self.findings.add(found, f"'{key}' is text, not {nodes.kind(found)}", (key,), code=Code.HOST_VARIABLE)
         return None

@@ -17,7 +17,8 @@ _WITHOUT_EFFECT = set("46AaCfGgKkMNnqsTtVvXxYy")
 _LONGEST = 10_000
 _COMMENT = re.compile(r"""(?:^|[\s'"])#""")
 _OF_HOST_KEYS = ("userknownhostsfile", "globalknownhostsfile")
-_RELATIVE = re.compile(r"""['"]?\.\.?/.*""")
+_ENDS_A_WORD = re.compile(r"""[\s'"=;|&()<>]+""")
+_RUNS_A_FILE = re.compile(r"(?:\S*/)?(?:\.|source|env|exec|(?:ba|da|z|k)?sh|python[0-9.]*|perl|ruby|node)")
 _WHOLE = ("/", "~", "%d", "${")
 _OPTIONS = {"J": "proxyjump", "i": "identityfile", "l": "user", "p": "port", "c": "ciphers", "m": "macs"}
 
@@ -56,6 +57,19 @@ def parse(text: str) -> list[tuple[str, str]]:
     return options
 
 
+def _names_what_lies_here(command: str) -> bool:
+    """Return whether a command has a relative path, or a script without one that a shell or an interpreter runs."""
+    words = [one for one in _ENDS_A_WORD.split(command) if one]
+    for before, word in zip(["", *words], words, strict=False):
+        first, slash, _ = word.partition("/")
+        if slash and first and ":" not in first and not first.startswith(("~", "$", "%d", "-")):
+            return True
+        script = _RUNS_A_FILE.fullmatch(before) and not _RUNS_A_FILE.fullmatch(word)
+        if script and before not in ("env", "exec") and not slash and not word.startswith(("-", "~", "$", "%")):
+            return True
+    return False
+
+
 def _named(option: str) -> tuple[str, str]:
     """Split `Name=value` or `Name value`, as ssh_config does."""
     name, sign, value = option.strip().partition("=")
@@ -64,7 +78,7 @@ def _named(option: str) -> tuple[str, str]:
     name, value = name.strip(), value.strip().lstrip("= ").strip()
     if not name or not value:
         raise ValueError(f"'-o {option[:60]}' is not Name=value")
-    if name.lower() == "proxycommand" and any(map(_RELATIVE.fullmatch, value.split())):
+    if name.lower() == "proxycommand" and _names_what_lies_here(value):
         here = f"'{name[:60]} {value[:60]}' names a file of whatever folder srprov runs in"
         raise ValueError(f"{here}; name it whole, such as {{{{ inventory_dir }}}}/jump.sh")
     files = split(value) if name.lower() in _OF_HOST_KEYS else []

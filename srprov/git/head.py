@@ -2,7 +2,8 @@
 
 Takes a folder; gives the checkout's top folder and the commit. Reads files, runs nothing. A `.git` may come with a
 stranger's project: git would follow its links, and its settings, to any file of this machine, and repeat what that
-holds. So HEAD and what it names are read here, by paths without links, and nothing but a commit is taken from them.
+holds. So HEAD and what it names are read here, by paths without links and of files with one name, and nothing but a
+commit is taken from them. A checkout that has objects of another repository's has none.
 """
 
 from __future__ import annotations
@@ -33,6 +34,8 @@ def checkout_of(folder: str) -> tuple[str, str] | None:
         return None
     # a worktree has a HEAD of its own, and the references of the repository that it belongs to
     shared = own.parents[1] if own != top / ".git" and own.parent.name == "worktrees" else own
+    if _borrows(shared):
+        return None
     found = _line(own / "HEAD")
     for _ in range(_MOST_STEPS):
         if is_commit(found):
@@ -61,6 +64,27 @@ def _own_folder(top: Path) -> Path | None:
     return own if str(git) in map(os.path.realpath, claimed) else None
 
 
+def _borrows(shared: Path) -> bool:
+    """Return whether git would look for objects in another repository: whoever wrote this one could ask what that has.
+
+    So it would where the folder is none to git, which goes on in those above.
+    """
+    objects = shared / "objects"
+    if not (objects.is_dir() and (shared / "refs").is_dir()):
+        return True
+    named = (shared / "commondir", objects / "info/alternates", objects / "info/http-alternates")
+    if objects.is_symlink() or any(map(os.path.lexists, named)):
+        return True
+    for folder in (objects, objects / "pack", objects / "info"):
+        try:
+            with os.scandir(folder) as entries:
+                if any(one.is_symlink() for one in entries):
+                    return True
+        except OSError:  # none is there
+            continue
+    return False
+
+
 def _packed(shared: Path, name: str) -> str:
     for line in _text(shared / "packed-refs", _MOST_PACKED).split("\n"):
         commit, _, named = line.partition(" ")
@@ -74,9 +98,12 @@ def _line(path: Path) -> str:
 
 
 def _text(path: Path, most: int = _MOST) -> str:
-    """Return a file's text; nothing of one that cannot be read, has what no name has, or has a link in its path."""
+    """Return a file's text; nothing of one that cannot be read, has what no name has, or has a link in its path.
+
+    Nor of one that has another name, as an archive may give one to a file of the user's.
+    """
     try:
-        text = os.fsdecode(regular_file.read(path, most, real=True))
+        content, about = regular_file.read_with_status(path, most, real=True)
     except OSError:
         return ""
-    return "" if "\0" in text else text
+    return "" if b"\0" in content or regular_file.has_further_names(about) else os.fsdecode(content)

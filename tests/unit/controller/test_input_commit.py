@@ -69,6 +69,53 @@ def test_no_file_of_this_machine_is_told_by_way_of_a_repository(tmp_path: Path) 
         assert "'commit': None" in found, top
 
 
+@pytest.mark.parametrize("second", ["HEAD", "refs/heads/master", "packed-refs"])
+def test_no_reference_is_believed_by_a_second_name(tmp_path: Path, second: str) -> None:
+    """An archive may give one of the user's own repository a name in the stranger's."""
+    commit = committed(tmp_path / "private")
+    private, top = tmp_path / "private/.git", tmp_path / "nav"
+    subprocess.run(["git", "clone", "-q", "--no-hardlinks", str(tmp_path / "private"), str(top)], check=True)
+    subprocess.run(["git", "-C", str(tmp_path / "private"), "branch", "-qM", "master"], check=True)
+    subprocess.run(["git", "-C", str(top), "branch", "-qM", "master"], check=True)
+    assert commit in repr(source_commit(planned(top), {}))
+    if second == "packed-refs":
+        subprocess.run(["git", "-C", str(tmp_path / "private"), "pack-refs", "--all"], check=True)
+        subprocess.run(["rm", "-rf", str(top / ".git/packed-refs"), str(top / ".git/refs/heads/master")], check=True)
+    else:
+        (top / ".git" / second).unlink()
+    (top / ".git" / second).hardlink_to(private / second)
+    found = source_commit(planned(top), {})
+    assert found is not None and found["commit"] is None
+
+
+@pytest.mark.parametrize("way", ["alternates", "objects", "one", "pack", "commondir", "above"])
+def test_no_other_repository_says_what_it_has(tmp_path: Path, way: str) -> None:
+    """The record would tell which names, and which contents, its commit has: whoever guesses them learns them."""
+    commit = committed(tmp_path / "private")
+    private, top = tmp_path / "private/.git", tmp_path / "private" / "nav"
+    subprocess.run(["git", "init", "-q", str(top)], check=True)
+    (top / ".git/HEAD").write_text(commit)
+    objects = top / ".git/objects"
+    if way == "alternates":
+        (objects / "info/alternates").write_text("../../../.git/objects")
+    elif way == "objects":
+        subprocess.run(["rm", "-rf", str(objects)], check=True)
+        objects.symlink_to(private / "objects")
+    elif way == "one":
+        for one in (private / "objects").iterdir():
+            (objects / one.name).exists() or (objects / one.name).symlink_to(one)
+    elif way == "pack":
+        subprocess.run(["git", "-C", str(tmp_path / "private"), "gc", "-q"], check=True)
+        for one in (private / "objects/pack").iterdir():
+            (objects / "pack" / one.name).symlink_to(one)
+    elif way == "commondir":
+        (top / ".git/commondir").write_text("../../.git")
+    else:
+        subprocess.run(["rm", "-rf", str(top / ".git/refs")], check=True)
+    found = source_commit(planned(top), {"x.edf": InputFile(content=b"edf: 1\n")})
+    assert found is not None and found["commit"] is None
+
+
 @pytest.mark.parametrize(
     ("name", "value"), [("url", "none::x"), ("url", "::x"), ("url", "ext::touch MARK"), ("vcs", "none"), ("vcs", "")]
 )

@@ -385,3 +385,27 @@ def test_no_file_that_a_list_hides_is_read(tmp_path: Path, listing: str, line: s
     assert f"lists '{line}'" in error.value.problems[0].message
     (tmp_path / listing).write_text("other\n")
     assert set(load_inventory([tmp_path]).hosts) == {"robot1"}
+
+
+@pytest.mark.parametrize(
+    "folder", ["lab -o ProxyCommand=id", "lab$(id)", "lab'", "lab;id", "lab%h", "lab\tx", "plain-1.2_x@y+z", "häuser"]
+)
+def test_the_name_of_an_inventory_s_folder_is_one_word_of_ssh_s_arguments(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: str
+) -> None:
+    """An archive has a folder that it names as it likes, and a link of a harmless name to it, in which one works."""
+    (tmp_path / folder).mkdir()
+    (tmp_path / "lab").symlink_to(folder)
+    text = "all: {hosts: {r: {ansible_ssh_private_key_file: '{{ inventory_dir }}/key', ansible_ssh_common_args: ARGS}}}"
+    file = tmp_path / folder / "robots.yml"
+    file.write_text(text.replace("ARGS", "'-o UserKnownHostsFile={{ inventory_dir }}/known_hosts'"))
+    monkeypatch.chdir(tmp_path / "lab")
+    if folder.startswith(("plain", "h")):
+        (option,) = load_inventory(["robots.yml"]).hosts["r"].ssh_options
+        assert option == ("userknownhostsfile", f"{tmp_path / folder}/known_hosts")
+        return
+    with pytest.raises(DefinitionError) as refused:
+        load_inventory(["robots.yml"])
+    assert "is more than one word of ssh's arguments" in refused.value.problems[0].message
+    file.write_text(text.replace("ARGS", "'-o UserKnownHostsFile=/x'"))
+    assert load_inventory(["robots.yml"]).hosts["r"].identity_file == f"{tmp_path / folder}/key"
