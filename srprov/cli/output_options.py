@@ -122,6 +122,14 @@ def no_way_out(_context: click.Context, _option: click.Parameter, folder: _T) ->
     return folder
 
 
+def no_link_in(_context: click.Context, _option: click.Parameter, file: str) -> str:
+    """Refuse what is passed on, of a relative path with a link in it."""
+    from srprov.definitions import refuse_link
+
+    refuse_link(file)
+    return file
+
+
 def no_way_above(_context: click.Context, _option: click.Parameter, file: _T) -> _T:
     """Refuse a file to write that lies in such a folder; what has its own name is replaced, also where it is a link."""
     if file is not None:

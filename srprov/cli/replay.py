@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("bundle", metavar="BUNDLE", type=click.Path(exists=True, dir_okay=False),
-                callback=output_options.no_way_out)  # fmt: skip
+                callback=output_options.no_link_in)  # fmt: skip
 @click.option("-i", "--inventory", "inventories", multiple=True, metavar="FILE",
               help="Inventory; may be repeated. Needed without --lab.")  # fmt: skip
 @click.option("--lab", is_flag=True, help="On robots of an embedded lab that is brought up for it, and taken down "

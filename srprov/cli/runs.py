@@ -76,10 +76,9 @@ def run_folder(name: str, homes: Sequence[Path]) -> Path:
     """Return the folder of the run that a user names, or the file of a plan or bundle.
 
     Raises:
-        UsageError: There is none, or a link leads out of the folder that it is named in: what is made of it may be
-            published.
+        UsageError: There is none, or a relative path has a link in it: what is made of it may be published.
     """
-    from srprov.definitions import refuse_link_out
+    from srprov.definitions import refuse_link
 
     if "/" not in name:
         for home in homes:
@@ -89,7 +88,7 @@ def run_folder(name: str, homes: Sequence[Path]) -> Path:
             kept = [one.name for home in homes if home.is_dir() for one in home.iterdir()]
             hint = did_you_mean(name, kept) or "`srprov runs` lists runs"
             raise UsageError(f"there is no run '{visible(name)}', nor a file of that name", hint=hint, code=Code.NO_RUN)
-    refuse_link_out(name)
+    refuse_link(name)
     return Path(name)
 
 

@@ -21,7 +21,8 @@ from srprov.controller.copied_out import Target, unpack
 from srprov.controller.copied_raw import passed_on
 from srprov.definitions.homes import homes_in
 from srprov.definitions.model import VERSION_CONTROL_IN_ANY_CASE
-from srprov.definitions.paths import inside, refuse_link_out
+from srprov.definitions.named_links import refuse_link
+from srprov.definitions.paths import inside
 from srprov.errors import UsageError
 from srprov.regular_file import VARIABLES
 
@@ -43,7 +44,7 @@ def place(word: str) -> InService | str:
     """Return what SOURCE or TARGET means: `SERVICE:/path`, else a path here, as `./a:b` is.
 
     Raises:
-        UsageError: It names a service, and no whole path; or a link of a project leads elsewhere.
+        UsageError: It names a service, and no whole path; or a link, which a project may have brought.
     """
     service, colon, path = word.partition(":")
     if not colon or "/" in service or service.startswith((".", "~")):
@@ -58,9 +59,9 @@ def place(word: str) -> InService | str:
 
 
 def _here(path: str) -> str:
-    """Refuse a link that leads elsewhere: a stranger's may lead a copy to a key of the user's, or into his folders."""
+    """Refuse a link: a stranger's may lead a copy to a key of the user's, or into his folders."""
     if path != "-":
-        refuse_link_out(path)
+        refuse_link(path)
     return path
 
 

@@ -5,7 +5,7 @@ do. Touches user files for reading, and runs an inventory that is a program, and
 field means is in `schemas/` and in docs/definitions.md.
 
     schema, schema_cache   document (`yamldoc`) and JSON Schema -> problems
-    paths, values, mounts  what a text stands for
+    paths, named_links, values, mounts  what a text stands for
     merging, runtime       one definition over another -> run-time part
     container, dockerfile, build, cdfs, cdf_folder, remote  CDFs, also in git
     service, envfile, checks, experiment, pins  EDF
@@ -108,10 +108,17 @@ def select(inventory: Inventory, pattern: str, failed: Callable[[], Collection[s
 
 
 def refuse_link_out(path: str, named: str = "") -> None:
-    """Refuse a relative path by which a link leads out of its folder; see `paths.refuse_link_out`."""
-    from srprov.definitions import paths
+    """Refuse a relative path by which a link leads out of its folder; see `named_links.refuse_link_out`."""
+    from srprov.definitions import named_links
 
-    paths.refuse_link_out(path, named)
+    named_links.refuse_link_out(path, named)
+
+
+def refuse_link(path: str) -> None:
+    """Refuse a relative path with a link in it; see `named_links.refuse_link`."""
+    from srprov.definitions import named_links
+
+    named_links.refuse_link(path)
 
 
 def offered(path: str, what: str) -> tuple[str, ...]:

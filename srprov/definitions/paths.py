@@ -21,7 +21,7 @@ from srprov import regular_file
 from srprov.codes import Code
 from srprov.definitions.homes import homes_in
 from srprov.definitions.version_control import is_kept
-from srprov.errors import DefinitionError, Diagnostic, Location, UsageError
+from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc.allowance import Allowance, current
 from srprov.yamldoc.nodes import Findings, Path, Scalar
 
@@ -71,23 +71,6 @@ def link_out(path: str) -> str:
 def lies_open(path: str, folder: str) -> bool:
     """Return whether a path, links followed, lies in a folder, and not in what version control keeps there."""
     return inside(path, folder) and not is_kept(os.path.realpath(path), os.path.realpath(folder))
-
-
-def refuse_link_out(path: str, named: str = "", about: str = "") -> None:
-    """Refuse a relative path by which a link leads out of its folder: a project that was cloned may have brought it.
-
-    Args:
-        path: The path.
-        named: What stands before it where it is named, such as `--facts `, for the hint.
-        about: What the message begins with.
-
-    Raises:
-        UsageError: Names the link, and the whole path, which is taken as it is.
-    """
-    if link := link_out(path):
-        hint = f"if you mean what it leads to, name that: {named}{shlex.quote(os.path.realpath(path))}"
-        where = "leads out of its folder" if not inside(link, os.path.dirname(link)) else "leads into a repository"
-        raise UsageError(f"{about}{link} is a link that {where}", hint=hint, code=Code.STRANGE_FILE)
 
 
 def way_out(path: str) -> str:

@@ -21,7 +21,7 @@ from srprov import linear_regex, regular_file
 from srprov.codes import Code
 from srprov.definitions import ranges
 from srprov.definitions.model import Inventory
-from srprov.definitions.paths import refuse_link_out
+from srprov.definitions.named_links import refuse_link_out
 from srprov.errors import UsageError, did_you_mean
 from srprov.names import few
 

@@ -170,3 +170,21 @@ def test_nothing_is_passed_on_that_is_a_second_name(
     for words in (("report", "plan.json"), ("report", "run.zip"), ("export", "compose", "plan.json")):
         assert run([*words, "-o", "made"]) == 5
         assert "has another name" in capsys.readouterr().err and not Path("made").exists()
+
+
+@pytest.mark.parametrize(
+    "words", [("bundle", "latest", "-o", "b.zip"), ("report", "latest", "-o", "r.html"), ("runs", "show", "latest"),
+              ("replay", "latest", *INVENTORY, "-o", "made"), ("bundle", "latest/run", "-o", "b.zip")],
+)  # fmt: skip
+def test_what_may_be_published_is_named_without_a_link(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+) -> None:
+    """An archive that is unpacked in the user's home has one to a run of his, which stays in that folder."""
+    (tmp_path / "mine/run").mkdir(parents=True)
+    if words[0] == "replay":
+        (tmp_path / "run.zip").write_bytes(b"PK")
+    (tmp_path / "latest").symlink_to("run.zip" if words[0] == "replay" else "mine")
+    monkeypatch.chdir(tmp_path)
+    assert run(words) == 5
+    told = capsys.readouterr().err
+    assert "latest is a link, which a project may have brought" in told and f"name that: {tmp_path}/" in told
