@@ -17,7 +17,9 @@ _WITHOUT_EFFECT = set("46AaCfGgKkMNnqsTtVvXxYy")
 _LONGEST = 10_000
 _COMMENT = re.compile(r"""(?:^|[\s'"])#""")
 _OF_HOST_KEYS = ("userknownhostsfile", "globalknownhostsfile")
-_ENDS_A_WORD = re.compile(r"""[\s'"=;|&()<>]+""")
+_BEGINS = (";", "|", "&", "(")
+_WORDS = re.compile(r"""[;|&(]|[^\s'";|&()<>]+""")
+_ASSIGNS = re.compile(r"[A-Za-z_][A-Za-z0-9_]*=")
 _RUNS_A_FILE = re.compile(r"(?:\S*/)?(?:\.|source|env|exec|(?:ba|da|z|k)?sh|python[0-9.]*|perl|ruby|node)")
 _WHOLE = ("/", "~", "%d", "${")
 _OPTIONS = {"J": "proxyjump", "i": "identityfile", "l": "user", "p": "port", "c": "ciphers", "m": "macs"}
@@ -57,16 +59,20 @@ def parse(text: str) -> list[tuple[str, str]]:
     return options
 
 
-def _names_what_lies_here(command: str) -> bool:
-    """Return whether a command has a relative path, or a script without one that a shell or an interpreter runs."""
-    words = [one for one in _ENDS_A_WORD.split(command) if one]
-    for before, word in zip(["", *words], words, strict=False):
-        first, slash, _ = word.partition("/")
-        if slash and first and ":" not in first and not first.startswith(("~", "$", "%d", "-")):
-            return True
-        script = _RUNS_A_FILE.fullmatch(before) and not _RUNS_A_FILE.fullmatch(word)
-        if script and before not in ("env", "exec") and not slash and not word.startswith(("-", "~", "$", "%")):
-            return True
+def _runs_what_lies_here(command: str) -> bool:
+    """Return whether a command runs a program by a relative path, or has a shell or an interpreter run a script."""
+    begins, script = True, False
+    for word in _WORDS.findall(command):
+        if word in _BEGINS:
+            begins, script = True, False
+        elif begins and _RUNS_A_FILE.fullmatch(word):
+            script = word not in ("exec", "env")
+        elif begins and not word.startswith("-") and not _ASSIGNS.match(word):
+            if not word.startswith(("/", "~", "$", "%d")) and (script or "/" in word):
+                return True
+            begins = False
+        elif begins and script and word == "-c":
+            script = False  # a command is next
     return False
 
 
@@ -78,8 +84,8 @@ def _named(option: str) -> tuple[str, str]:
     name, value = name.strip(), value.strip().lstrip("= ").strip()
     if not name or not value:
         raise ValueError(f"'-o {option[:60]}' is not Name=value")
-    if name.lower() == "proxycommand" and _names_what_lies_here(value):
-        here = f"'{name[:60]} {value[:60]}' names a file of whatever folder srprov runs in"
+    if name.lower() == "proxycommand" and _runs_what_lies_here(value):
+        here = f"'{name[:60]} {value[:60]}' runs a file of whatever folder srprov runs in"
         raise ValueError(f"{here}; name it whole, such as {{{{ inventory_dir }}}}/jump.sh")
     files = split(value) if name.lower() in _OF_HOST_KEYS else []
     if any(not one.startswith(_WHOLE) and one.lower() != "none" for one in files):
