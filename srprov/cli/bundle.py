@@ -57,8 +57,8 @@ def bundle(
 
     RUN is a name that `srprov runs` lists, or a folder. No robot is asked, but for images. Addresses, hosts and users
     of the lab are replaced; results, the experiment's files and images stay as they are. What looks like a secret stops
-    it, and so does the value of one of the experiment's secrets, where it can be read here: variables and files are,
-    commands are not run.
+    it, and so does the value of one of the experiment's secrets, where it can be read here: variables are, and files
+    that were allowed on this machine; commands are not run.
     """
     from srprov.cli.runs import homes, run_folder
     from srprov.controller.bundling import known_secrets, signer

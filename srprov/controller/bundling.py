@@ -12,7 +12,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from srprov import regular_file
+from srprov import regular_file, secret_files
 from srprov.codes import Code
 from srprov.controller.signature import signature, signed_by
 from srprov.definitions import load_experiment
@@ -33,7 +33,9 @@ def known_secrets(folder: Path, names: Collection[str]) -> list[str]:
     Args:
         folder: The run's.
         names: Its files, none of which is reached by way of a link. No definition elsewhere is read: a folder may come
-            from a stranger, and what is wrong with a definition is told in its own words.
+            from a stranger, and what is wrong with a definition is told in its own words. Of files of secrets only
+            those are read that the user allowed on this machine before: where a guess at another one is right, that
+            there is no bundle would tell it.
 
     Returns:
         The names of those whose values cannot be read here; commands are not run.
@@ -42,7 +44,7 @@ def known_secrets(folder: Path, names: Collection[str]) -> list[str]:
         UsageError: The folder does not say what was run.
     """
     sessions = [folder / name for name in names if _INPUTS.fullmatch(name)]
-    missing = list[str]()
+    missing, known = list[str](), secret_files.known()
     for path in sorted(sessions, key=lambda path: (len(str(path)), str(path))):
         try:
             given = mapping(parse_json(regular_file.read_text(path, _LARGEST), max_characters=_LARGEST))
@@ -67,7 +69,8 @@ def known_secrets(folder: Path, names: Collection[str]) -> list[str]:
             ) from error
         home = os.path.dirname(string(mapping(about.get("source")).get("file")))
         for name, source in sorted(experiment.secrets.items()):
-            if not _read(_as_it_was(source, experiment.folder, home, folder)):
+            was = _as_it_was(source, experiment.folder, home, folder)
+            if (was.file and os.path.realpath(was.file) not in known) or not _read(was):
                 missing.append(name)
     return sorted(set(missing))
 

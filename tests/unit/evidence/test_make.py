@@ -25,6 +25,7 @@ from srprov.evidence.replay import unpack
 from srprov.evidence.session import data_sets
 from srprov.evidence.verify import verify
 from srprov.record.journal import Journal, read
+from srprov.record.memory import note_secret_files
 from srprov.secret import Secret
 from tests.bounded import bounded
 from tests.trial_folders import EDF, FILES, MACHINE, run_folder, write_experiment
@@ -245,6 +246,11 @@ def test_secrets_of_the_experiment_are_looked_for_where_they_come_from(
     monkeypatch.setenv("TOKEN", "something else" if kind == "file" else CANARY)
     edf = write_experiment(tmp_path / "experiment", {**FILES, "race.edf": text, "token.txt": CANARY})
     run = run_folder(tmp_path / "run", edf, log=["tick", f"I have {CANARY}"])
+    if kind == "file":  # of a stranger's run: nobody allowed it here
+        assert cli(["bundle", str(run), "-o", str(tmp_path / "b.zip")]) == 0
+        assert "note: token cannot be read here" in capsys.readouterr().err
+        (tmp_path / "b.zip").unlink()
+        note_secret_files([os.path.realpath(edf.parent / "token.txt")])
     assert cli(["bundle", str(run), "-o", str(tmp_path / "b.zip")]) == 9
     told = capsys.readouterr().err
     assert "r2.referee.log: the value of a secret" in told and CANARY not in told
