@@ -69,8 +69,7 @@ def known_secrets(folder: Path, names: Collection[str]) -> list[str]:
             ) from error
         home = os.path.dirname(string(mapping(about.get("source")).get("file")))
         for name, source in sorted(experiment.secrets.items()):
-            was = _as_it_was(source, experiment.folder, home, folder)
-            if (was.file and os.path.realpath(was.file) not in known) or not _read(was):
+            if not _read(_as_it_was(source, experiment.folder, home, folder), known):
                 missing.append(name)
     return sorted(set(missing))
 
@@ -82,8 +81,9 @@ def _as_it_was(source: SecretSource, now: str, then: str, run: Path) -> SecretSo
     return replace(source, file=os.path.normpath(os.path.join(then, os.path.relpath(source.file, now))))
 
 
-def _read(source: SecretSource) -> bool:
-    if source.command:
+def _read(source: SecretSource, known: Collection[str]) -> bool:
+    """Read a value for `redact`, of files only one of the `known`; return whether that was done."""
+    if source.command or (source.file and os.path.realpath(source.file) not in known):
         return False
     try:
         resolve([source], dict(os.environ))
