@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from srprov.cli import fork_options, inputs, options
 from srprov.cli.output import counted, err, out, out_json, tell_unreachable
-from srprov.cli.output_options import no_link, no_way_out
+from srprov.cli.output_options import no_link
 from srprov.cli.stored_facts import FACTS, stored_facts
 from srprov.codes import Code
 from srprov.controller.request import PlanRequest
@@ -35,7 +35,7 @@ _FOLDER = click.option("-o", "--out", "target", type=click.Path(path_type=Path),
 
 def _for_cluster(engine: str) -> Callable[[_F], _F]:
     """Return what adds the argument and the options of an export for an engine that has nodes of its own."""
-    file = click.argument("file", metavar="EDF|PLAN", callback=no_way_out)
+    file = click.argument("file", metavar="EDF|PLAN")
     lossy = click.option("--lossy", is_flag=True, help=f"Leave out what {engine} cannot do, instead of refusing it.")
     given = (file, _ROBOTS, FACTS, _FOLDER, lossy, options.JSON, fork_options.FORKS, options.TIMEOUT,
              options.ASK_BECOME, options.deciding, options.ALLOW)  # fmt: skip
@@ -52,7 +52,7 @@ def export() -> None:
 
 
 @export.command()
-@click.argument("file", metavar="EDF|PLAN", callback=no_way_out)
+@click.argument("file", metavar="EDF|PLAN")
 @click.option("-i", "--inventory", "inventories", multiple=True, metavar="FILE",
               help="Inventory, may be repeated: one file per robot. Without it, there is one for a PC.")  # fmt: skip
 @FACTS

@@ -113,7 +113,7 @@ def no_link(_context: click.Context, _option: click.Parameter, folder: _T) -> _T
 
 
 def no_way_out(_context: click.Context, _option: click.Parameter, folder: _T) -> _T:
-    """Refuse what is kept, or passed on, of a relative path in which a link leads out: a project may have brought it.
+    """Refuse a folder that is kept, of a relative path in which a link leads out: a project may have brought it.
 
     One that stays is the project's own matter, and a whole path the user's.
     """
