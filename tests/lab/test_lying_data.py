@@ -65,18 +65,31 @@ def test_data_that_is_moved_makes_no_second_name_of_a_file_of_another_robot(lab_
         lab.shell("robot2", "docker", "volume", "rm", "-f", "own", check=False)
 
 
+class Moving:
+    """An experiment of one service, whose data goes from robot to robot."""
+
+    def __init__(self, lab: Lab, folder: Path, name: str) -> None:
+        self.lab, self.name, self.path = lab, name, folder / f"{name}.edf"
+        self.inventory = part_of_lab(lab, ["robot1", "robot2"], folder / "lab.yml")
+        self.home = {"XDG_STATE_HOME": str(folder / "state")}
+
+    def apply(self, service: dict[str, object], *words: str) -> Done:
+        self.path.write_text(edf(self.name, {"a": service}), encoding="utf-8")
+        given = ("apply", str(self.path), "-i", self.inventory, "--yes", "--settle", "0", "--data", "move", *words)
+        return self.lab.srprov(*given, env=self.home)
+
+    def destroy(self) -> None:
+        self.lab.srprov("destroy", str(self.path), "-i", self.inventory, "--yes", "--volumes", env=self.home)
+
+
 def test_data_that_is_moved_is_no_device_of_another_robot(lab_of_module: Lab, tmp_path: Path) -> None:
     """Its container may open devices of that robot: what it takes for its data was one, of the liar's choice."""
-    lab, path = lab_of_module, tmp_path / "devices.edf"
-    inventory = part_of_lab(lab, ["robot1", "robot2"], tmp_path / "lab.yml")
-    home = {"XDG_STATE_HOME": str(tmp_path / "state")}
+    lab, moving = lab_of_module, Moving(lab_of_module, tmp_path, "devices")
     data = "/var/lib/docker/volumes/srprov.devices.d/_data"
 
     def apply(robot: str) -> Done:
         one = busybox(robot=robot, volumes=["d:/d"], device_cgroup_rules=["c 10:229 rwm"])
-        path.write_text(edf("devices", {"a": one}), encoding="utf-8")
-        words = ("apply", str(path), "-i", inventory, "--yes", "--settle", "0", "--data", "move", "--allow", "device")
-        return lab.srprov(*words, env=home)
+        return moving.apply(one, "--allow", "device")
 
     try:
         assert apply("robot1").code == 0
@@ -88,21 +101,16 @@ def test_data_that_is_moved_is_no_device_of_another_robot(lab_of_module: Lab, tm
         lab.shell("robot1", "rm", f"{data}/map")
         assert apply("robot2").code == 0
     finally:
-        lab.srprov("destroy", str(path), "-i", inventory, "--yes", "--volumes", env=home)
+        moving.destroy()
 
 
 def test_data_that_is_moved_leads_no_other_mount_elsewhere(lab_of_module: Lab, tmp_path: Path) -> None:
     """A link in it had the service's second volume mounted over the programs of the container's image."""
-    lab, path = lab_of_module, tmp_path / "nested.edf"
-    inventory = part_of_lab(lab, ["robot1", "robot2"], tmp_path / "lab.yml")
-    home = {"XDG_STATE_HOME": str(tmp_path / "state")}
+    lab, moving = lab_of_module, Moving(lab_of_module, tmp_path, "nested")
     place = "/var/lib/docker/volumes/srprov.nested.d/_data/logs"
 
     def apply(robot: str) -> Done:
-        one = busybox(robot=robot, volumes=["d:/d", "logs:/d/logs"])
-        path.write_text(edf("nested", {"a": one}), encoding="utf-8")
-        words = ("apply", str(path), "-i", inventory, "--yes", "--settle", "0", "--data", "move")
-        return lab.srprov(*words, env=home)
+        return moving.apply(busybox(robot=robot, volumes=["d:/d", "logs:/d/logs"]))
 
     try:
         assert apply("robot1").code == 0
@@ -115,4 +123,4 @@ def test_data_that_is_moved_leads_no_other_mount_elsewhere(lab_of_module: Lab, t
         mounted = lab.shell("robot2", "docker", "exec", "srprov.nested.a", "grep", " /d[ /]", "/proc/mounts").out
         assert [line.split()[1] for line in mounted.splitlines()] == ["/d", "/d/logs"]
     finally:
-        lab.srprov("destroy", str(path), "-i", inventory, "--yes", "--volumes", env=home)
+        moving.destroy()
