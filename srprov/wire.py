@@ -180,17 +180,16 @@ class CopyImage(msgspec.Struct, frozen=True, kw_only=True):
     """Its id on that robot; another one is not loaded. Empty: what that robot built just now."""
     way: str = ""
     """`thin`, `registry` or `whole`; empty: as the robot's store has it, and whole where that is not possible."""
+    base: str = ""
+    """The image that it was built on; its layers need not come from that robot where this one has it by that name."""
     runs: tuple[str, ...] = ()
     """Architectures that the robot runs: an image for another one is not loaded. Empty: any."""
     timeout_s: float = 1800.0
 
     def text(self) -> str:
         """Show it as the plan does."""
-        how = {
-            "thin": "the layers that are missing",
-            "registry": "pulled through a port that sshd forwards",
-            "whole": "docker save | docker load",
-        }
+        how = {"thin": "the layers that are missing", "whole": "docker save | docker load",
+               "registry": "pulled through a port that sshd forwards"}  # fmt: skip
         kind = how.get(self.way, "the layers that are missing, or whole")
         source, over = self.source_host or "the controller's cache", ", over the controller" * bool(self.source_host)
         return f"copy image {self.image} from {source} ({kind}{over})"

@@ -72,7 +72,7 @@ def robot_images(inputs: RenderInputs, blobs: dict[str, bytes]) -> dict[str, lis
             wanted.setdefault(builder, {})[image] = build
         if builder != host:
             wanted.setdefault(host, {})[image] = _copied(
-                inputs, image, builder, host, trusted.get((builder, image), "")
+                inputs, image, builder, host, trusted.get((builder, image), ""), _name(plans[image].base)
             )
     runs = {host: list(inputs.snapshot.facts[host].runs) for host in wanted}
     return {host: [{**images[name], "runs": runs[host]} for name in sorted(images)] for host, images in wanted.items()}
@@ -93,9 +93,20 @@ def _known(inputs: RenderInputs) -> dict[tuple[str, str], str]:
     return found
 
 
-def _copied(inputs: RenderInputs, image: str, source: str, host: str, id_: str = "") -> dict[str, Any]:
+def _name(base: str) -> str:
+    """Return an image as engines list it; nothing for one that only its build knows, by a variable."""
+    try:
+        return normalise(base)
+    except ValueError:
+        return ""
+
+
+def _copied(
+    inputs: RenderInputs, image: str, source: str, host: str, id_: str = "", base: str = ""
+) -> dict[str, Any]:  # fmt: skip
     copy = {"name": image, "source": "copy", "from": source, "needs": [resource_id(source, "image", image)]}
-    return {**copy, "id": id_, "way": inputs.copy_way, "missing": None, **inputs.copied.get((host, image), {})}
+    known = inputs.copied.get((host, image), {})
+    return {**copy, "id": id_, "way": inputs.copy_way, "base": base, "missing": None, **known}
 
 
 def _cached(inputs: RenderInputs, image: str, id_: str, host: str) -> dict[str, Any]:

@@ -62,6 +62,8 @@ class ImageParams(msgspec.Struct, frozen=True, kw_only=True):
     digest of its configuration."""
     way: Literal["", "thin", "registry", "whole"] = ""
     """How it is copied; empty: as it is possible."""
+    base: str = ""
+    """The image that it was built on, for `copy`; empty: nobody knows."""
     missing: Missing | None = None
     """What is copied; None where that only shows when it is."""
     runs: tuple[str, ...] = ()
@@ -156,8 +158,9 @@ def _getting(name: str, want: ImageParams) -> tuple[str, Command]:
     """Return how an image gets to the robot, in words and as a command."""
     if want.source in ("copy", "cache"):
         copy = CopyImage(
-            image=name, source_host=want.from_, id=want.id, way=want.way, runs=want.runs, timeout_s=_LONG_S
-        )
+            image=name, source_host=want.from_, id=want.id, way=want.way, base=want.base, runs=want.runs,
+            timeout_s=_LONG_S,
+        )  # fmt: skip
         return _how(want), copy
     if want.source == "pull":
         what = pull_parameters(name)

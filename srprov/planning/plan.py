@@ -211,6 +211,7 @@ def command_json(command: Command) -> dict[str, Any]:
             "from": command.source_host,
             "id": command.id,
             "way": command.way,
+            "base": command.base,
             "runs": list(command.runs),
         }
     if isinstance(command, CopyVolume):

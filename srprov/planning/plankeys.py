@@ -50,6 +50,7 @@ class CommandKeys(msgspec.Struct, frozen=True, kw_only=True):
     copy_image: str = ""
     id: str = ""
     way: Literal["", "thin", "registry", "whole"] = ""
+    base: str = ""
     runs: tuple[str, ...] = ()
     copy_volume: str = ""
     send_data: str = ""

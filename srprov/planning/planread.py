@@ -194,7 +194,7 @@ def _command(read: CommandKeys, blobs: Mapping[str, bytes]) -> Command:
             timeout_s=read.timeout_s,
         )
     if read.copy_image:
-        what = {"image": read.copy_image, "source_host": read.from_, "id": read.id, "way": read.way}
+        what = {"image": read.copy_image, "source_host": read.from_, "id": read.id, "way": read.way, "base": read.base}
         return CopyImage(**what, runs=read.runs, timeout_s=read.timeout_s)
     if read.copy_volume:
         return CopyVolume(volume=read.copy_volume, into=read.into, source_host=read.from_, timeout_s=read.timeout_s)

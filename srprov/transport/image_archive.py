@@ -15,8 +15,10 @@ import posixpath
 import re
 import tarfile
 from collections.abc import Collection, Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
+from srprov.layers import Image, read_config
+from srprov.transport.image_proof import Proof
 from srprov.transport.tar_stream import TarError, TarStream
 from srprov.transport.tar_write import tar_file
 from srprov.untrusted import json_or_none, mapping, mappings, string
@@ -36,7 +38,17 @@ class ForeignImage(Exception):
     """The archive is none, or not the image that is wanted; the text says why."""
 
 
-def only(chunks: Iterator[bytes], image: str, ids: Collection[str] = ()) -> Iterator[bytes]:
+class Wanted(NamedTuple):
+    """What is known of an image before its archive comes."""
+
+    image: Image
+    unproved: Collection[str] = ()
+    """Layers that the archive must hold: its engine would take those that it has for whatever is named so."""
+
+
+def only(
+    chunks: Iterator[bytes], image: str, ids: Collection[str] = (), wanted: Wanted | None = None
+) -> Iterator[bytes]:
     """Pass on one image of an archive.
 
     Args:
@@ -44,6 +56,7 @@ def only(chunks: Iterator[bytes], image: str, ids: Collection[str] = ()) -> Iter
         image: The tag that is wanted.
         ids: The ids of which the image must have one, `sha256:…`; empty where nobody knows any. An id is the hash of
             the configuration, or of a manifest, or an index of manifests, that leads to it.
+        wanted: The layers that it must have; None where nobody knows any.
 
     Raises:
         ForeignImage: The archive is broken, or does not hold that image.
@@ -52,6 +65,7 @@ def only(chunks: Iterator[bytes], image: str, ids: Collection[str] = ()) -> Iter
     small: dict[str, bytes] = {}
     names: set[str] = set()
     folders: set[str] = set()
+    proof = Proof() if wanted and wanted.unproved else None
     try:
         archive = TarStream(chunks)
         for member in archive:
@@ -61,12 +75,14 @@ def only(chunks: Iterator[bytes], image: str, ids: Collection[str] = ()) -> Iter
             if name == _LIST:
                 listed = _small(archive, member)
             elif name not in _OTHER_LISTS and not member.isdir():
-                yield from _passed_on(archive, member, name, small)
+                yield from _passed_on(archive, member, name, small, proof)
     except (TarError, UnicodeError) as error:
         raise ForeignImage(f"what comes is no archive of an image: {error}") from error
     entry = _entry(listed, image, names - {_LIST, *_OTHER_LISTS})
     if ids and not any(_leads_to(one, small.get(entry["Config"]), small.values()) for one in ids):
         raise ForeignImage(f"it gives another image under {image} than the one that was built")
+    if wanted is not None:
+        _compare(wanted, small.get(entry["Config"], b""), proof.seen if proof else ())
     yield from tar_file(_LIST, json.dumps([entry]).encode())
     yield b"\0" * 1024
 
@@ -90,7 +106,19 @@ def _check(name: str, member: tarfile.TarInfo, names: set[str], folders: set[str
     folders |= above
 
 
-def _passed_on(archive: TarStream, member: tarfile.TarInfo, name: str, small: dict[str, bytes]) -> Iterator[bytes]:
+def _compare(wanted: Wanted, config: bytes, seen: Collection[str]) -> None:
+    """Refuse an image of other layers than its engine told, or without one that is to be shown."""
+    digest = f"sha256:{hashlib.sha256(config).hexdigest()}"
+    found = read_config(digest, json_or_none(config.decode("utf-8", "replace")))
+    if found is None or found.diff_ids != wanted.image.diff_ids:
+        raise ForeignImage("its archive is of another image than its engine says")
+    if lacking := sorted(set(wanted.unproved).difference(seen)):
+        raise ForeignImage(f"its archive does not hold {lacking[0]}, which its image names")
+
+
+def _passed_on(
+    archive: TarStream, member: tarfile.TarInfo, name: str, small: dict[str, bytes], proof: Proof | None
+) -> Iterator[bytes]:
     """Give a file with a header of our own; keep one that may be a configuration or a manifest."""
     header = tarfile.TarInfo(name)
     header.size, header.linkname = member.size, member.linkname
@@ -98,7 +126,7 @@ def _passed_on(archive: TarStream, member: tarfile.TarInfo, name: str, small: di
     yield header.tobuf(tarfile.PAX_FORMAT)
     keep = member.isreg() and member.size <= _LONGEST_DOCUMENT and len(small) < _MOST_DOCUMENTS
     kept = bytearray()
-    for piece in archive.content():
+    for piece in proof.of(archive.content()) if proof else archive.content():
         kept += piece if keep else b""
         yield piece
     yield b"\0" * (-member.size % 512)

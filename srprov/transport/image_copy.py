@@ -4,6 +4,9 @@ Thin: both engines find layers by chain id, so what the target has is not sent; 
 or is read from the source once for all. Registry: an engine with a containerd store does the same when it pulls
 (`registry_copy.py`). Whole: `docker save | docker load`, in pieces. After each, what the target has is compared with
 what the source has: an engine says 200 before it fails.
+
+Who names a layer need not have it. One that the target has, of whatever image, is asked of the source all the same,
+once: else a builder that lies would make an image of what another experiment has there, which others get from there.
 """
 
 from __future__ import annotations
@@ -15,9 +18,10 @@ from msgspec.structs import replace
 
 from srprov.errors import TransportError
 from srprov.layers import Image, foreign
-from srprov.session import Progress, Session
+from srprov.session import Progress, Reader, Session
 from srprov.transport.blob import Blob
-from srprov.transport.image_archive import ForeignImage, only
+from srprov.transport.givers import Givers
+from srprov.transport.image_archive import ForeignImage, Wanted, only
 from srprov.transport.image_config import configuration
 from srprov.transport.image_deliver import deliver
 from srprov.transport.image_progress import Meter, mib
@@ -60,7 +64,7 @@ def copy_image(
                     return _failed(f"it cannot be sent without the layers that are there: {error}")
                 progress(f"{copy.image} is sent whole: {error}")
                 sent = f"sent whole, as {error}"
-        reply = _whole(copy, session, source, ids, progress)
+        reply = _whole(copy, session, source, ids, options.image_sources.blobs.givers, progress)
         return replace(reply, out=sent) if reply.ok else reply
     except ForeignImage as error:
         return _failed(f"{copy.source_host}: {error}")
@@ -103,14 +107,18 @@ class _Thin:
             raise ForeignImage(f"it gives another image under {self._copy.image} than the one that was built")
         _check_architecture(image, self._copy)
         target = look_at(self._session)
+        every = tuple(dict.fromkeys(image.diff_ids))
         if self._copy.way == "registry" or (target.containerd and not self._copy.way):
-            return self._pull(self._archive(image, store, tuple(dict.fromkeys(image.diff_ids))), target)
+            return self._pull(self._archive(image, store, every, every), target)
         if not target.classic:
             raise NotThin(f"the engine of {self._session.host} has no classic store")
-        return self._load(self._archive(image, store, target.missing(image)), target.room)
+        missing = target.missing(image)
+        unproved = _unproved(self._copy, image, target, self._session, self._source, self._sources.blobs.givers)
+        read = tuple(one for one in every if one in missing or one in unproved)
+        return self._load(self._archive(image, store, read, missing), target.room)
 
-    def _archive(self, image: Image, store: str, missing: Collection[str]) -> ThinArchive:
-        """Get what is to be sent into the cache."""
+    def _archive(self, image: Image, store: str, read: Collection[str], sent: Collection[str]) -> ThinArchive:
+        """Get layers from the source, or from the cache, and make an archive of those that are to be sent."""
         name, links = self._copy.image, self._sources.links
 
         def fast() -> bool:
@@ -124,10 +132,10 @@ class _Thin:
 
                 image, config = configuration(image, small, classic=store == "classic")
                 _check_architecture(image, self._copy)
-                layers = [
-                    source.get(one, f"{name}, layer {number} of {len(missing)}", self._progress, fast)
-                    for number, one in enumerate(missing, 1)
-                ]
+                layers = {
+                    one: source.get(one, f"{name}, layer {number} of {len(read)}", self._progress, fast)
+                    for number, one in enumerate(read, 1)
+                }
         except ForeignImage as error:
             if store == "classic":
                 raise
@@ -135,7 +143,7 @@ class _Thin:
             raise NotThin(f"{self._source.host}: {error}") from error
         except OSError as error:
             raise NotThin(f"the cache of layers cannot be used: {error.strerror or error}") from error
-        return ThinArchive(image, name, config, layers)
+        return ThinArchive(image, name, config, [layers[one] for one in sent])
 
     def _pull(self, archive: ThinArchive, target: Target) -> Reply:
         """Let the engine pull it; it compares by itself."""
@@ -165,18 +173,37 @@ class _Thin:
         return Reply(status=reply.status, out=f"sent {words}, {mib(archive.size)} MiB")
 
 
-def _whole(copy: CopyImage, session: BaseSession, source: Session, ids: Collection[str], progress: Progress) -> Reply:
+def _unproved(
+    copy: CopyImage, image: Image, target: Target, session: Reader, source: Session, givers: Givers
+) -> frozenset[str]:
+    """Return the layers of an image that a robot has already, and the source never gave: it may have only named them.
+
+    Those of the image that it was built on, as the robot has that, were named by its definition.
+    """
+    found = image_of(session, copy.base) if copy.base else None
+    below = found.diff_ids if found and image.diff_ids[: len(found.diff_ids)] == found.diff_ids else ()
+    there = frozenset(image.diff_ids) - {*target.missing(image), *below}
+    return frozenset(one for one in there if not givers.gave(one, source.identity))
+
+
+def _whole(
+    copy: CopyImage, session: BaseSession, source: Session, ids: Collection[str], givers: Givers, progress: Progress
+) -> Reply:
     """Load the image while the other robot saves it."""
-    wanted = image_of(source, copy.image)
-    if wanted is not None:
-        _check_architecture(wanted, copy)
+    image = image_of(source, copy.image)
+    if image is None:
+        raise ForeignImage(f"its engine does not say what {copy.image} is")
+    _check_architecture(image, copy)
+    wanted = Wanted(image, _unproved(copy, image, look_at(session), session, source, givers))
     chunks = source.save_image(copy.image, copy.timeout_s)
-    pieces = Meter(copy.image, progress).count(only(chunks, copy.image, ids))
+    pieces = Meter(copy.image, progress).count(only(chunks, copy.image, ids, wanted))
     reply = session.engine.client.load(pieces, copy.timeout_s, progress)
-    if not reply.ok or wanted is None:
+    if not reply.ok:
         return reply
+    for one in wanted.unproved:
+        givers.note(one, source.identity)
     there = image_of(session, copy.image)
     # stores count ids differently, but layers alike
-    if there is None or there.diff_ids != wanted.diff_ids:
+    if there is None or there.diff_ids != image.diff_ids:
         return _failed(f"its engine does not have what {copy.source_host} has, although it said nothing")
     return reply

@@ -32,13 +32,13 @@ BUILT = built_for(TAG, "amd64")
 
 def sources(
     known: dict[str, set[str]], builders: tuple[str, ...] = (), bundled: dict[str, BundledImage] | None = None,
-    away: tuple[str, ...] = (), **ids: str,
+    away: tuple[str, ...] = (), base: str = "x", known_base: str = "x:latest", **ids: str,
 ) -> dict[str, tuple[str, str]]:  # fmt: skip
     """Return robot -> (source, from) of the image that `b` runs, where robots list an image of an id under its tag.
 
     `known` has `ID NAME` of what was built, by whom.
     """
-    plan = ImagePlan(tag=TAG, dockerfile="FROM x", context=b"tar", base="x", pinned=True)
+    plan = ImagePlan(tag=TAG, dockerfile="FROM x", context=b"tar", base=base, pinned=True)
     docker = Docker(version="20.10", api_version="1.41")
     facts = {name: HostFacts(name=name, arch="amd64", docker=docker) for name in ("a", "b", "c")}
     facts["arm"] = HostFacts(name="arm", arch="arm64", docker=docker)
@@ -71,6 +71,8 @@ def sources(
     assert bundled or all(
         one.get("id", "") in ("", ids.get(one.get("from", ""))) for images in found.values() for one in images
     )
+    copies = [(host, one) for host, images in found.items() for one in images if one["source"] == "copy"]
+    assert all(one["base"] == (known_base if one["from"] != host else "") for host, one in copies)
     return {
         host: (one["source"], f"{one.get('from', '')} {one.get('id', '')}".strip())
         for host, images in found.items()
@@ -100,6 +102,11 @@ def test_no_registry_is_asked_for_what_srprov_builds(name: str, of_a_cdf: bool) 
         checked("srprov/y:1")
     checked(there)
     checked(seen=False)
+
+
+def test_a_copy_says_what_the_image_was_built_on_as_engines_name_it() -> None:
+    for base, name in {"docker.io/library/ros:humble": "ros:humble", "${BASE}": ""}.items():
+        assert sources({}, base=base, known_base=name)["b"][0] == "copy"
 
 
 def test_an_image_that_this_machine_had_built_is_copied_by_its_id() -> None:

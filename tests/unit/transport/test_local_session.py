@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import gzip
+import json
 import os
 import socket
 import subprocess
@@ -23,7 +24,8 @@ from srprov.transport import connect
 from srprov.transport.engine.client import Engine
 from srprov.transport.engine.link import EngineLink, EngineSocket
 from srprov.wire import CopyImage, EngineCall, EngineQuery, Query, Run
-from tests.unit.transport.archives import loadable, saved
+from tests.unit.transport.archives import loadable
+from tests.unit.transport.thin_world import Made
 
 pytestmark = pytest.mark.skipif(os.geteuid() != 0, reason="needs root, as the shell is root's")
 MIB = 1 << 20
@@ -330,14 +332,16 @@ def test_a_call_sends_its_body_and_judges_the_status(session: Session, play: Cal
 
 def test_an_image_is_copied_without_being_held(play: Callable[[Answer], PlayedEngine]) -> None:
     layer = os.urandom(5 * MIB)
-    image = saved({"a:1": layer})
+    made = Made(layer)
+    image = made.saved(["a:1"])
+    said = json.dumps({"Id": made.id, "RootFS": {"Layers": made.diff_ids}}).encode()
     loaded: list[bytes] = []
 
     def answer(request: str, _headers: dict[str, str], body: bytes) -> bytes:
         if "/get" in request:
             return reply(b'{"message":"no such image"}', "404 Not Found") if "nope" in request else reply(image)
-        if "/json" in request:
-            return reply(b"{}")
+        if "/json" in request or "/info" in request:
+            return reply(said if "1/json" in request else b"{}")
         loaded.append(body)
         return reply(b'{"stream":"Loaded image: a:1\\n"}\r\n')
 

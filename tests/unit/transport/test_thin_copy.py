@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import json
 import os
 import shutil
 import subprocess
@@ -25,7 +26,7 @@ from srprov.transport.image_source import ImageSources
 from srprov.transport.link_rate import Links
 from srprov.transport.options import ConnectOptions
 from srprov.wire import CopyImage, Query, Reply
-from tests.unit.transport.thin_world import CONTAINERD, InContainerd, Made, Robot, sha
+from tests.unit.transport.thin_world import CONTAINERD, InContainerd, Made, Robot, sha, tar_of
 
 TAG = "srprov/x:1"
 BASE, TOP = os.urandom(400_000), os.urandom(90_000)
@@ -42,11 +43,13 @@ class World:
         self.again()
         self.said: list[str] = []
 
-    def copy(self, *, way: str = "", id: str = "", target: Robot | None = None, runs: tuple[str, ...] = ()) -> Reply:
+    def copy(
+        self, *, way: str = "", id: str = "", target: Robot | None = None, runs: tuple[str, ...] = (), base: str = ""
+    ) -> Reply:  # fmt: skip
         session: Any = target or self.target
         peers: Any = lambda _name: self.builder  # noqa: E731 - a mapping of one
         options = ConnectOptions(image_sources=self.sources)
-        copy = CopyImage(image=TAG, source_host="builder", id=id, way=way, runs=runs)
+        copy = CopyImage(image=TAG, source_host="builder", id=id, way=way, base=base, runs=runs)
         return copy_image(copy, session, peers, options, self.said.append)
 
     def again(self) -> None:
@@ -131,7 +134,8 @@ def test_a_builder_with_a_containerd_store_is_read_by_what_its_id_leads_to(world
     built = InContainerd(BASE, TOP, index=index)
     world.builder.images[TAG], world.builder.info["DriverStatus"] = built, CONTAINERD
     world.target.images["base"] = Made(BASE)
-    assert world.copy(id=built.id).ok and world.target.images[TAG].id == built.config_id == IMAGE.id, world.said
+    assert world.copy(id=built.id, base="base").ok, world.said
+    assert world.target.images[TAG].id == built.config_id == IMAGE.id
     (sent,) = world.target.streamed
     assert sent < len(built.packed[1]) + 10_000 and world.builder.saves == 0 and world.is_clean()
     kept = {path.name for path in Path(world.folder, "cache").iterdir()}
@@ -474,6 +478,63 @@ def test_a_builder_that_names_what_others_gave_has_to_give_it_itself(world: Worl
     world.again()
     saves, shells = world.builder.saves, len(world.builder.shells)
     assert world.copy(way="thin").ok and (world.builder.saves, len(world.builder.shells)) == (saves, shells)
+
+
+FALSE = {"junk": os.urandom(90_000), "nothing": b"", "its own name": sha(TOP).encode()}
+
+
+@pytest.mark.parametrize("content", FALSE.values(), ids=FALSE.keys())
+@pytest.mark.parametrize("way", ["", "thin", "whole"])
+@pytest.mark.parametrize("there", ["secret", TAG + "0"])
+def test_a_builder_that_names_what_the_robot_has_of_others_has_to_give_it_itself(
+    world: World, *, way: str, content: bytes, there: str
+) -> None:
+    """The engine would take its own layer for what the builder named, and others got it from there, or a bundle."""
+    world.target.images[there] = IMAGE
+    files = {f"{IMAGE.id[7:]}.json": IMAGE.config, "a": BASE, "b": content}
+    listed = [{"Config": f"{IMAGE.id[7:]}.json", "RepoTags": [TAG], "Layers": ["a", "b"]}]
+    world.builder.saved = tar_of({**files, "manifest.json": json.dumps(listed).encode()})
+    reply = world.copy(way=way, base="none")
+    assert not reply.ok and TAG not in world.target.images, reply
+    world.builder.saved = b""
+    assert world.copy(way=way).ok and world.target.images[TAG].id == IMAGE.id
+
+
+@pytest.mark.parametrize("way", ["thin", "whole"])
+def test_what_a_builder_gave_once_is_not_asked_of_it_again(world: World, way: str) -> None:
+    world.target.images["same"] = IMAGE
+    assert world.copy(way=way).ok
+    world.again()
+    world.sources.blobs.clear()
+    world.builder.images[TAG] = Made(BASE, TOP, b"more")
+    assert world.copy(way="thin").ok
+    reads = [path.name for path in Path(world.folder, "cache").iterdir()]
+    assert f"{sha(b'more')[7:]}.gz" in reads and not {f"{sha(one)[7:]}.gz" for one in (BASE, TOP)} & {*reads}
+
+
+@pytest.mark.parametrize(("base", "read"), [("base", False), ("other", True), ("nothing", True), ("", True)])
+def test_layers_of_the_base_are_not_asked_of_a_builder_where_the_robot_has_it(
+    world: World, base: str, *, read: bool
+) -> None:
+    """`other` holds the same layer, and the image was not built on it."""
+    world.target.images |= {"base": Made(BASE), "other": Made(BASE, b"other")}
+    assert world.copy(base=base).ok and world.target.images[TAG].id == IMAGE.id
+    assert Path(world.folder, "cache", f"{sha(BASE)[7:]}.gz").exists() == read
+
+
+@pytest.mark.parametrize("members", [1, 2])
+def test_layers_that_come_packed_are_known_by_what_they_hold(world: World, members: int) -> None:
+    """In an archive of a containerd store; some tools write a file of several members."""
+    built, half = InContainerd(BASE, TOP), len(TOP) // members
+    built.packed[1] = b"".join(gzip.compress(TOP[at : at + half]) for at in range(0, len(TOP), half))
+    world.target.images["same"], world.builder.images[TAG] = Made(BASE, TOP), built
+    assert world.copy(way="whole").ok and world.target.images[TAG].id == IMAGE.id
+
+
+def test_an_archive_of_another_image_than_the_engine_told_is_not_loaded(world: World) -> None:
+    world.builder.saved = Made(BASE, b"other").saved([TAG])
+    reply = world.copy(way="whole")
+    assert not reply.ok and "another image than its engine says" in reply.err and not world.target.images
 
 
 @pytest.mark.parametrize("spools", [True, False])
