@@ -1,12 +1,14 @@
-"""Inventories of records that this machine wrote: they are their user's own word, and any other one is not.
+"""srprov's own records: what lies in one, and whether this machine wrote the inventory of one.
 
-A record, or a bundle, may come from anybody. Gives whether one is known; reads the list, which `record.memory` writes
-below the user's folder for state. A list that is missing or broken is an empty one.
+A record, or a bundle, may come from anybody, and only an inventory that this machine wrote is its user's own word. The
+list of these is read, which `record.memory` writes below the user's folder for state. A list that is missing or broken
+is an empty one.
 """
 
 from __future__ import annotations
 
 import hashlib
+import os
 from pathlib import Path
 
 from srprov import believed, private, regular_file
@@ -14,6 +16,21 @@ from srprov.untrusted import mapping, parse_json
 
 LONGEST = 4 << 20
 """Bytes of the list."""
+_MARKS = (("events.jsonl", "environment.json"), ("journal.jsonl", "trials"))
+"""Names that stand together in the folder of a run, and in that of trials or of their bundle."""
+
+
+def is_record(folder: str) -> bool:
+    """Return whether a folder is a record, or the user's folder for state, in which records and tokens lie."""
+    there = (all(os.path.lexists(os.path.join(folder, name)) for name in names) for names in _MARKS)
+    return any(there) or os.path.realpath(folder) == os.path.realpath(place().parent)
+
+
+def record_of(path: str, top: str = os.sep) -> str:
+    """Return the outermost record below a folder in which a path lies, or which it is; or nothing. Both are real."""
+    parts = os.path.relpath(path, top).split(os.sep)
+    above = (os.path.join(top, *parts[:depth]) for depth in range(1, len(parts) + 1))
+    return next(filter(is_record, above), "") if parts[0] != os.pardir else ""
 
 
 def place() -> Path:

@@ -31,8 +31,8 @@ def fmt(paths: tuple[str, ...], check: bool, diff: bool) -> int:
     """Bring EDFs and CDFs into one form: indentation, quotes, short lists in one line, the order of keys.
 
     Comments stay, and so does the meaning: what was made is read again and compared, or the file is left as it is. Of a
-    DIR, all files that end in .edf or .cdf, also before .yml, but for hidden folders and links. `-` is standard input,
-    which comes back on standard output.
+    DIR, all files that end in .edf or .cdf, also before .yml, but for hidden folders, links, and records of runs. `-`
+    is standard input, which comes back on standard output.
 
     Exits with 0; with 2 when --check or --diff found a file that is not in its form; with 5 when one could not be read.
     """
@@ -40,8 +40,8 @@ def fmt(paths: tuple[str, ...], check: bool, diff: bool) -> int:
         return _standard_input(check, diff)
     from srprov.definitions.formatting import definition_files, formatted
 
-    changed, problems, count = 0, list[Diagnostic](), 0
-    for place in definition_files(paths):
+    changed, problems, count, left = 0, list[Diagnostic](), 0, list[str]()
+    for place in definition_files(paths, lambda path, why: left.append(f"{visible(path)} is left as it is: {why}")):
         count += 1
         try:
             one = formatted(place)
@@ -51,7 +51,9 @@ def fmt(paths: tuple[str, ...], check: bool, diff: bool) -> int:
         changed += one.changed
         if one.changed:
             _handle(one, write=not (check or diff), diff=diff)
-    if not count:
+    for line in left:
+        err(line)
+    if not count and not left:
         raise UsageError(
             f"there is no EDF or CDF in {', '.join(paths)}", hint="they end in .edf and .cdf", code=Code.NO_FILE
         )

@@ -23,8 +23,8 @@ from srprov.cli.output import err, out
 def validate(files: tuple[str, ...], profiles: tuple[str, ...], form: str) -> int:
     """Check EDFs, CDFs, Dockerfiles and inventories, and every file that they name; show everything that is wrong.
 
-    Of a folder, all EDFs and CDFs in it and below; one that has none is read as an inventory. Nothing is run: an
-    inventory that is a program is refused.
+    Of a folder, all EDFs and CDFs in it and below, but for records of runs; one that has none is read as an inventory.
+    Nothing is run: an inventory that is a program is refused.
 
     A warning is about what is allowed and may not be meant; the exit code is 0.
     """

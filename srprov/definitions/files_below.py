@@ -1,10 +1,14 @@
-"""A folder that a user names for its definitions -> the EDFs and CDFs in it. Reads folders; follows no link."""
+"""A folder that a user names for its definitions -> the EDFs and CDFs in it, as users write them.
+
+Records of runs hold copies of such files, which stay as they were. Reads folders; follows no link.
+"""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
 
+from srprov import own_records
 from srprov.codes import Code
 from srprov.errors import UsageError
 
@@ -22,7 +26,7 @@ def with_files_below(paths: Sequence[str]) -> list[str]:
     """
     found: list[str] = []
     for path in paths:
-        found += (_below(path) if os.path.isdir(path) else []) or [path]
+        found += (below(path) if os.path.isdir(path) else []) or [path]
     return list(dict.fromkeys(found))
 
 
@@ -35,10 +39,18 @@ def kind_by_name(path: str) -> str:
     return next((kind for ending, kind in ENDINGS.items() if name.endswith(ending)), "")
 
 
-def _below(top: str) -> list[str]:
+def below(top: str) -> list[str]:
+    """Return the EDFs and CDFs in a folder and below it, sorted, without those in hidden folders and in records.
+
+    Raises:
+        UsageError: It holds more than anybody means.
+    """
     found: list[str] = []
     seen = 0
     for folder, folders, files in os.walk(top):
+        if folder != top and own_records.is_record(folder):
+            folders.clear()
+            continue
         deep = os.path.relpath(folder, top).count(os.sep) + 1 >= _DEEPEST
         folders[:] = [] if deep else sorted(name for name in folders if not name.startswith("."))
         found += [os.path.join(folder, name) for name in files if kind_by_name(name)]

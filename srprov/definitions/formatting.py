@@ -7,15 +7,16 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from shlex import quote
 
 import msgspec
 
-from srprov import regular_file
+from srprov import own_records, regular_file
 from srprov.codes import Code
-from srprov.definitions.paths import inside, link_out
+from srprov.definitions.files_below import below, kind_by_name
+from srprov.definitions.paths import inside
 from srprov.definitions.schema import MOST_BYTES, MOST_VALUES
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc import loader
@@ -24,8 +25,6 @@ from srprov.yamldoc.canonical import canonical
 from srprov.yamldoc.nodes import Map
 
 KINDS = ("edf", "cdf")
-SUFFIXES = tuple(f".{kind}{more}" for kind in KINDS for more in ("", ".yml", ".yaml"))
-"""Of files that are found in a folder."""
 
 
 class Place(msgspec.Struct, frozen=True):
@@ -87,7 +86,7 @@ def _kind(place: Place) -> str:
     from srprov.definitions.dockerfile import is_dockerfile
 
     path = place.path
-    named = next((suffix[1:4] for suffix in SUFFIXES if path.endswith(suffix)), "")
+    named = kind_by_name(path)
     if named or is_dockerfile(path):
         return named
     root = loader.parse(loader.read_text(place.real, path, MOST_BYTES, real=True), path)
@@ -119,37 +118,46 @@ def _text(text: str, name: str, kind: str) -> str:
     return canonical(text, name, orders)
 
 
-def definition_files(paths: Sequence[str]) -> Iterator[Place]:
-    """Yield files that are named, and those of folders that are named, by their suffix.
+def definition_files(paths: Sequence[str], leave: Callable[[str, str], None]) -> Iterator[Place]:
+    """Yield files that are named, and of folders that are named those that `validate` takes, but for links.
 
-    Hidden folders are left out, and so are links in a folder: they may lead out of it.
+    Args:
+        paths: Files and folders.
+        leave: Is told what is left as it is, and why: links in a folder, and what lies in a record.
 
     Raises:
-        DefinitionError: A path is a link; whoever wants its file named it would find the link gone. Or a link in it
-            leads elsewhere: with a project that was cloned, to files of the user's.
+        DefinitionError: A path is a link; whoever wants its file named it would find the link gone. Or there is one in
+            it, also one that stays inside: it came with a project that was cloned or unpacked, perhaps in the home.
+        UsageError: A folder holds more than anybody means.
     """
     for path in paths:
         folder, name = os.path.split(path)
         real = os.path.realpath(path) if os.path.isdir(path) else os.path.join(os.path.realpath(folder), name)
         why = "is a link, which would be replaced by a file" if os.path.islink(path) and not os.path.isdir(path) else ""
-        if why or link_out(path) or _is_elsewhere(path, real):
-            why = why or "a link in it leads out of its folder, and nothing is written by way of it"
+        if why or _by_a_link(path) or _is_elsewhere(path, real):
+            why = why or "a link leads there, and nothing is written by way of it"
             hint = f"name the file itself: {quote(os.path.realpath(path))}"
             raise DefinitionError([Diagnostic(Location(path), why, hint=hint, code=Code.IN_THE_WAY)])
-        if not os.path.isdir(real):
-            yield Place(path, real)
+        if own_records.record_of(real):
+            leave(path, "it lies in a record of srprov's own")
             continue
-        for folder, folders, names in regular_file.walk(real):
-            folders[:] = sorted(one for one in folders if not one.startswith("."))
-            files = [os.path.join(folder, one) for one in sorted(names) if one.endswith(SUFFIXES)]
-            shown = [str(Path(path, os.path.relpath(one, real))) for one in files]
-            yield from (Place(*one) for one in zip(shown, files, strict=True) if not os.path.islink(one[1]))
+        for file in below(real) if os.path.isdir(real) else [real]:
+            shown = path if file == real else str(Path(path, os.path.relpath(file, real)))
+            if os.path.islink(file):
+                leave(shown, "it is a link")
+            else:
+                yield Place(shown, file)
+
+
+def _by_a_link(path: str) -> bool:
+    """Return whether a path is a link to a folder, or a relative one has a link in it."""
+    return any(regular_file.links_in(path)) or os.path.islink(os.path.normpath(path))
 
 
 def _is_elsewhere(path: str, real: str) -> bool:
     """Return whether a relative path led out of the folder where it begins, by a link that is gone when it is judged.
 
-    What goes up again behind a name is left to `link_out`.
+    What goes up again behind a name is left to `links_in`.
     """
     parts = path.split("/")
     up = next((count for count, part in enumerate(parts) if part not in ("", ".", "..")), len(parts))

@@ -15,7 +15,9 @@ from srprov import data
 from srprov.cli.main import run
 from srprov.definitions import check_files, load_experiment
 from srprov.definitions.starter import starter
+from srprov.record import RunFolder
 from tests.bounded import bounded
+from tests.trial_folders import run_folder, write_experiment
 
 ODD = "edf: 1\nservices: {a: {command: [x], image: busybox}} # one\nname: odd\n"
 FORMATTED = "edf: 1\nname: odd\nservices: { a: { image: busybox, command: [x] } } # one\n"
@@ -57,7 +59,9 @@ def test_check_and_diff_change_nothing_and_say_so_by_the_code(here: Path, capsys
     assert capsys.readouterr() == ("", "1 file, 0 would change\n")
 
 
-def test_of_a_folder_only_definitions_are_taken_and_no_link_is_followed(here: Path, tmp_path: Path) -> None:
+def test_of_a_folder_only_definitions_are_taken_and_no_link_is_followed(
+    here: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     outside = tmp_path / "outside.edf"
     outside.write_text(ODD)
     (here / ".hidden").mkdir()
@@ -67,13 +71,60 @@ def test_of_a_folder_only_definitions_are_taken_and_no_link_is_followed(here: Pa
     (here / "away").symlink_to(tmp_path)
     for name in left[1:]:
         (here / name).write_text(ODD)
-    taken = ["e.edf", "deep/x.edf.yml", "deep/y.edf.yaml"]
+    taken = ["e.edf", "deep/x.edf.yml", "deep/y.EDF.yaml"]
     for name in taken:
         (here / name).write_text(ODD)
     assert run(["fmt", "."]) == 0
     assert [(here / name).read_text() for name in taken] == [FORMATTED] * 3
     assert [(here / name).read_text() for name in left] == [ODD] * 5 and outside.read_text() == ODD
     assert (here / left[0]).is_symlink()
+    assert "linked.edf is left as it is: it is a link\n" in capsys.readouterr().err
+
+
+def records(folder: Path) -> list[Path]:
+    """Make a record of a run and one of trials, each with an EDF that is not in its form; return these."""
+    with RunFolder(folder / "runs", "run") as record:
+        record.put("environment.json", lambda: "{}")
+        record.put("inputs/e.edf", lambda: ODD)
+    run_folder(folder / "results", write_experiment(folder / "race"))
+    made = [folder / "runs/run/inputs/e.edf", folder / "results/sessions/1/inputs/race.edf"]
+    made[1].write_text(ODD)
+    return made
+
+
+def test_records_stay_as_they_are(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A bundle, and who compares two runs, go by every byte of them."""
+    kept = records(here)
+    (here / "e.edf").write_text(ODD)
+    assert run(["fmt", "."]) == 0
+    assert (here / "e.edf").read_text() == FORMATTED
+    for way in (kept[0], kept[1].relative_to(here), here / "runs/run", "results/sessions"):
+        capsys.readouterr()
+        assert run(["fmt", "--check", str(way)]) == 0
+        assert f"{way} is left as it is: it lies in a record of srprov's own\n" in capsys.readouterr().err
+    assert [one.read_text() for one in kept] == [ODD, ODD]
+
+
+def test_nothing_below_srprov_s_own_folder_is_taken(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(here / "state"))
+    (here / "state/srprov/owners").mkdir(parents=True)
+    (here / "state/srprov/owners/e.edf").write_text(ODD)
+    (here / "e.edf").write_text(ODD)
+    assert run(["fmt", str(here)]) == 0
+    assert (here / "state/srprov/owners/e.edf").read_text() == ODD != (here / "e.edf").read_text()
+
+
+@pytest.mark.parametrize("word", ["linked", "linked/", "linked/below", "HERE/linked", "HERE/linked/"])
+def test_no_linked_folder_is_entered_also_where_it_leads_to_one_beside_it(
+    here: Path, capsys: pytest.CaptureFixture[str], word: str
+) -> None:
+    """What was unpacked in the home may have links to what else lies there."""
+    (here / "own/below").mkdir(parents=True)
+    (here / "own/below/e.edf").write_text(ODD)
+    (here / "linked").symlink_to("own")
+    assert run(["fmt", word.replace("HERE", str(here))]) == 5
+    assert "nothing is written by way of it" in capsys.readouterr().err
+    assert (here / "own/below/e.edf").read_text() == ODD
 
 
 @pytest.mark.parametrize(

@@ -29,6 +29,16 @@ def test_a_folders_definitions_are_checked_with_those_below(tmp_path: Path, caps
     assert capsys.readouterr().out == "2 files valid\n"
 
 
+def test_records_of_runs_are_passed_over_but_where_one_is_named(tmp_path: Path) -> None:
+    """What they hold was valid where it lay."""
+    files = ["e.edf", "runs/x/inputs/e.edf", "results/sessions/1/inputs/e.edf"]
+    for name in (*files, "runs/x/events.jsonl", "runs/x/environment.json", "results/journal.jsonl", "results/trials/1"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("")
+    assert with_files_below([str(tmp_path)]) == [str(tmp_path / "e.edf")]
+    assert with_files_below([str(tmp_path / "runs/x")]) == [str(tmp_path / files[1])]
+
+
 def test_a_folder_without_definitions_is_an_inventory(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "hosts").write_text("robot1 unknown\n")
     assert with_files_below([str(tmp_path), "x.edf"]) == [str(tmp_path), "x.edf"]
