@@ -24,7 +24,7 @@ from srprov.execution.architecture import wrong_architecture
 from srprov.execution.failure_text import failure_text, last_lines
 from srprov.execution.options import STOP_TIMEOUT_S
 from srprov.execution.outcome import Event, Listener, Outcome, StepResult
-from srprov.execution.stale import due, refused
+from srprov.execution.stale import due, made_on_the_way, refused
 from srprov.execution.stopping import stop_together
 from srprov.execution.triggers import kept_apart, refuse_triggers
 from srprov.execution.unfilled import unfilled
@@ -59,7 +59,7 @@ class RobotExecutor:
     copied: dict[int, str] = field(default_factory=dict)
     """Step number -> what was sent of its image, in words."""
     made: set[str] = field(default_factory=set)
-    """Ids that a step of this run made or changed."""
+    """Ids that a step of this run made or changed, or made on its way."""
     stopped: set[int] = field(default_factory=set)
     """Numbers of steps whose container was stopped with others': these steps are under way."""
 
@@ -131,6 +131,7 @@ class RobotExecutor:
         self._probe(step)
         if stale := self._refused(step):
             return stale
+        self.made |= made_on_the_way(step)
         for command in step.commands:
             reply = self._execute(step, command, lambda line: self._progress(step, line))
             if not reply.ok:
@@ -166,6 +167,7 @@ class RobotExecutor:
         if step.change.action is Action.DELETE and self.seen is not None:
             # a later step of this batch makes the same thing anew: for it, it is gone
             self.seen.pop((step.module, step.name), None)
+            self.made.discard(step.id)
         if step.want is not None:
             self.made.add(step.id)
         self.acted[step.number] = took_s

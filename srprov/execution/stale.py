@@ -9,9 +9,9 @@ from __future__ import annotations
 from srprov.execution.outcome import Outcome, StepResult
 from srprov.modules import MODULES, PROBING
 from srprov.modules.container_params import ContainerParams
-from srprov.modules.volume import VolumeParams
+from srprov.modules.volume import VolumeParams, half_copy
 from srprov.planning.plan import Step
-from srprov.resource import Action, Change, Observed
+from srprov.resource import Action, Change, Observed, resource_id
 
 _CHANGED = "the robot changed since the plan was made: now {}; plan again"
 _WHOSE = ("source", "owner")
@@ -43,6 +43,12 @@ def refused(step: Step, item: Observed | None, change: Change | None) -> StepRes
     if step.want is None and item is not None and _is_another_file(step, item):
         return _failed(step, "content differs")
     return None
+
+
+def made_on_the_way(step: Step) -> frozenset[str]:
+    """Return ids of what a step makes and removes again: where it fails, that may stay, whatever removed one before."""
+    makes = step.want is not None and isinstance(step.want.params, VolumeParams)
+    return frozenset({resource_id(step.host, step.module, half_copy(step.name))} if makes else ())
 
 
 def _failed(step: Step, why: str) -> StepResult:

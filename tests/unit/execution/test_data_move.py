@@ -16,10 +16,12 @@ from srprov.controller.saved import check_plan, plan_file
 from srprov.definitions.containermodel import Mount
 from srprov.definitions.model import Definitions, Experiment
 from srprov.errors import RefusedError
+from srprov.execution.outcome import Outcome
 from srprov.planning.planfile import dump
 from srprov.planning.planread import load
 from srprov.resource import Action
-from tests.fakes import Fault, World
+from srprov.wire import CopyVolume
+from tests.fakes import Entry, Fault, World
 from tests.worlds import experiment, fleet, made, plan_for, run, service
 
 LOG = "srprov.hello.log"
@@ -93,6 +95,25 @@ def test_whatever_command_of_a_move_goes_wrong_the_data_is_whole_and_the_next_ap
         moved(world)
 
 
+@pytest.mark.parametrize("how", ["refuse", "half"])
+def test_a_move_that_fails_again_blames_the_step_that_failed(how: str) -> None:
+    """What the first one left is removed before; the second one leaves another half copy."""
+    half, volume = "r2/volume:srprov-copy.hello.log", f"r2/volume:{LOG}"
+    failed = list[set[str]]()
+    for at in range(1, 9):
+        world = begun()
+        robot = world.robots["r2"]
+        robot.fault = Fault(at=robot.commands + _copying())
+        assert move(world) != 0
+        robot.fault = Fault(at=robot.commands + at, how=how)
+        plan = plan_for(world, web("r2"), owner=OWNER, data="move")
+        assert [step.id for step in plan.steps][:2] == [half, volume]
+        found = {one.step.id: one for one in run(world, plan).results}
+        failed.append({name for name in (half, volume) if found[name].outcome is Outcome.FAILED})
+        assert half not in failed[-1] or "did not converge" not in found[half].message
+    assert {volume} in failed and {half, volume} not in failed
+
+
 def test_a_move_from_a_plan_file_is_held_to_what_its_values_say(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -101,7 +122,7 @@ def test_a_move_from_a_plan_file_is_held_to_what_its_values_say(
     for fault_at_removal in (False, True):
         world = begun()
         if fault_at_removal:
-            world.fault = Fault(at=world.commands + _removal_of_data(world), how="refuse")
+            world.fault = Fault(at=world.commands + _removal_of_data(), how="refuse")
             assert move(world) != 0
             world.fault = None
             assert holding(world) == {"r1": DATA, "r2": DATA}
@@ -142,13 +163,23 @@ def test_a_plan_file_that_was_not_written_here_neither_reads_nor_removes_data(
     assert holding(world) == {"r1": DATA}
 
 
-def _removal_of_data(world: World) -> int:
+def _removal_of_data() -> int:
     """Return which command of a move removes the source."""
-    again = begun()
-    since = again.commands
-    assert move(again) == 0
-    sent = [entry.host == "r1" and getattr(entry.what, "method", "") == "DELETE" for entry in again.done()[since:]]
+    sent = [entry.host == "r1" and getattr(entry.what, "method", "") == "DELETE" for entry in _sent()]
     return max(at for at, removes in enumerate(sent, 1) if removes)
+
+
+def _copying() -> int:
+    """Return which command of a move on r2 copies the data."""
+    sent = (entry for entry in _sent() if entry.host == "r2")
+    return next(at for at, entry in enumerate(sent, 1) if isinstance(entry.what, CopyVolume))
+
+
+def _sent() -> list[Entry]:
+    world = begun()
+    since = world.commands
+    assert move(world) == 0
+    return world.done()[since:]
 
 
 def test_a_move_that_was_cut_off_anywhere_is_ended_from_a_plan_file_too(
