@@ -8,7 +8,9 @@ is an empty one.
 from __future__ import annotations
 
 import hashlib
+import itertools
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 from srprov import believed, private, regular_file
@@ -26,11 +28,11 @@ def is_record(folder: str) -> bool:
     return any(there) or os.path.realpath(folder) == os.path.realpath(place().parent)
 
 
-def record_of(path: str, top: str = os.sep) -> str:
+def record_of(path: str, top: str = os.sep, is_one: Callable[[str], bool] = is_record) -> str:
     """Return the outermost record below a folder in which a path lies, or which it is; or nothing. Both are real."""
     parts = os.path.relpath(path, top).split(os.sep)
-    above = (os.path.join(top, *parts[:depth]) for depth in range(1, len(parts) + 1))
-    return next(filter(is_record, above), "") if parts[0] != os.pardir else ""
+    below = itertools.islice(itertools.accumulate(parts, os.path.join, initial=top), 1, None)
+    return next(filter(is_one, below), "") if parts[0] not in (os.curdir, os.pardir) else ""
 
 
 def place() -> Path:

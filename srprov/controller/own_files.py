@@ -1,12 +1,13 @@
-"""Files of the user's own that lie beside an EDF: those with passwords of robots, their keys, and files of secrets.
+"""Files of the user's own that lie beside an EDF: with passwords of robots, their keys, files of secrets, and records.
 
 Any file of the user's is one, too, by a second name that an archive gave it when it was unpacked there.
 
 An inventory often lies there, and an EDF or a CDF of a stranger may ship the whole folder. Takes definitions and the
 inventory; gives definitions that ask for each such file that would leave this machine, and for copies of the
 inventory's. Keys and passwords of robots are known by what is in a file (`own_content`). A file that a secret was read
-from stays one, whatever an EDF says by now. Reads what may be one of these, and tells nothing of it; of a secret no
-byte, which may not be allowed yet.
+from stays one, whatever an EDF says by now. A record of srprov's own is asked for as a whole: it has a token by which
+this machine knows a run, serial numbers and all that robots said. Reads what may be one of these, and tells nothing of
+it; of a secret no byte, which may not be allowed yet.
 
 What cannot be looked at is no reason to ask for less: what is looked through is just what would be shipped.
 """
@@ -16,7 +17,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import os
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Iterator
 
 from msgspec.structs import replace
 
@@ -30,11 +31,13 @@ from srprov.definitions.paths import inside
 from srprov.definitions.taken import in_words
 from srprov.definitions.version_control import is_from_elsewhere, names_in
 from srprov.images.context import folder_items
+from srprov.own_records import is_record, record_of
 from srprov.planning.policy import permissions
 
 COPIED_FIRST = ("git", "outside")
 """Kinds of permission without which nothing is copied: what is fetched, and files that are not the experiment's."""
 _NO_ROBOTS = Inventory(hosts={}, groups={})
+_RECORD = "it is srprov's own record"
 _ANYBODY = "the experiment"
 """Whose a file is that is read as a definition: its blank makes it no service's name."""
 
@@ -45,7 +48,7 @@ def asked_for(definitions: Definitions, inventory: Inventory) -> Definitions:
     secrets = {one.file for one in experiment.secrets.values() if one.file} | secret_files.known()
     own = _Own({*inventory.own_files, *secrets}, inventory.own_files, os.path.realpath(experiment.folder))
     read = {*experiment.files, lock_path(experiment.file)}
-    found = {(_ANYBODY, path) for path in map(os.path.realpath, read) if own.has(path)}
+    found = {(_ANYBODY, one) for one in own.among(map(os.path.realpath, read))}
     for service in experiment.services.values():
         files = (experiment.secrets[use.source].file for use in service.secrets)
         found |= {(service.name, path) for path in files if path and has_names_elsewhere(path, own.folder)}
@@ -103,6 +106,8 @@ class _Own:
             with contextlib.suppress(OSError):  # who needs it says so
                 content = regular_file.read(path, LARGEST)
                 self._contents.setdefault(len(content), set()).add(content)
+        is_one = functools.cache(is_record)
+        self._record = functools.cache(lambda folder: record_of(folder, self.folder, is_one))
         # many services may name one folder
         self.below, self.in_context = functools.cache(self._below), functools.cache(self._in_context)
 
@@ -120,16 +125,24 @@ class _Own:
                 return content in self._contents.get(size, ()) or is_own(content)
         return False
 
+    def among(self, paths: Iterable[str]) -> Iterator[str]:
+        """Yield those of some files that are one, or the record that a file lies in, below the experiment's folder."""
+        for path in paths:
+            if record := self._record(os.path.dirname(path)):
+                yield f"{record}/: {_RECORD}"
+            elif self.has(path):
+                yield path
+
     def _below(self, top: str) -> tuple[str, ...]:
         """Return those that a file is, or that lie in a folder."""
         with contextlib.suppress(OSError):  # what cannot be looked through is not shipped, which says so
             files = [one for one in disk.shipped(top) if one.link is None]
-            return tuple(path for one in files if self.has(path := f"{top}/{one.path}".rstrip("/")))
+            return tuple(self.among(f"{top}/{one.path}".rstrip("/") for one in files))
         return ()
 
     def _in_context(self, folder: str) -> tuple[str, ...]:
         """Return those in a build's context, but for what its `.dockerignore` leaves out."""
         with contextlib.suppress(OSError, ValueError):  # it is told when the image is planned
             files = [one for one in folder_items(folder, disk.listing, disk.read) if one.link is None]
-            return tuple(path for one in files if self.has(path := f"{folder}/{one.path}"))
+            return tuple(self.among(f"{folder}/{one.path}" for one in files))
         return ()

@@ -24,6 +24,7 @@ from msgspec.structs import replace
 from srprov import regular_file
 from srprov.controller.locking import draft
 from srprov.controller.own_files import asked_for, permit_copies
+from srprov.controller.owners import Owner, keep
 from srprov.controller.plan import make_plan
 from srprov.controller.request import PlanRequest
 from srprov.controller.secrets import read_secrets
@@ -33,8 +34,10 @@ from srprov.definitions.lockfile import Lock, dump
 from srprov.definitions.model import Inventory
 from srprov.errors import DefinitionError, RefusedError
 from srprov.facts.gather import Gathering
+from srprov.record import RunFolder
 from srprov.secret import Vault
 from tests.fakes import World
+from tests.trial_folders import run_folder, write_experiment
 from tests.worlds import inventory as robots_of
 from tests.worlds import remembering_all
 
@@ -55,7 +58,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 def asked(inventory: str = "inventory.yml") -> list[tuple[str, str]]:
     """Return service -> file, from the folder, of all that is asked for as `outside`."""
     made = asked_for(load_experiment("e.edf"), load_inventory([inventory]))
-    paths = ((service, what.partition(": it has another name")[0]) for service, what in made.experiment.outside)
+    paths = ((service, what.partition(": it ")[0]) for service, what in made.experiment.outside)
     return [(service, os.path.relpath(path)) for service, path in paths]
 
 
@@ -152,6 +155,60 @@ def test_in_a_home_no_other_name_of_a_file_is_the_folder_s_own(here: Path, monke
     assert not version_control.is_from_elsewhere(os.lstat("parts/a"), str(here)) and list(names.values()) == [2]
     monkeypatch.setenv("HOME", str(here / "parts"))
     assert version_control.is_from_elsewhere(os.lstat("parts/a"), str(here))
+
+
+@pytest.mark.parametrize(
+    ("ships", "is_asked"),
+    [
+        ('volumes: [".:/ws"]', True),
+        ('volumes: ["./results/token:/t"]', True),
+        ('volumes: ["./results/sessions/1/rendered:/r"]', True),
+        ('volumes: ["./race:/race"]', False),
+        ("data: [{path: results/token, target: /t}]", True),
+        ("env_file: results/trials/p1.r1/x.env", True),
+        ("cdf: parts/a.cdf", True),
+        ("cdf: Dockerfile", True),
+        ("cdf: kept/Dockerfile", False),
+    ],
+)
+def test_a_record_beside_an_edf_is_shipped_by_nobody_unasked(here: Path, ships: str, is_asked: bool) -> None:
+    """A run of trials has the token by which this machine knows it, and serial numbers of robots."""
+    run_folder(here / "results", write_experiment(here / "race"))
+    for name in ("results/token", "results/trials/p1.r1/x.env"):
+        Path(name).parent.mkdir(exist_ok=True)
+        Path(name).write_text("A=b\n")
+    Path("parts/a.cdf").write_text("cdf: 1\nbase: busybox\nfiles: [{src: .., dest: /ws}]\n")
+    Path("kept").mkdir()
+    for folder in (".", "kept"):
+        Path(folder, "Dockerfile").write_text("FROM busybox\nCOPY . /ws\n")
+    Path("inventory.yml").write_text("all: {hosts: {r1: {}}}\n")
+    edf = EDF.replace("SHIPS", ships).replace("MORE", "")
+    Path("e.edf").write_text(edf.replace("image: busybox, cdf", "cdf"))
+    assert {path for _, path in asked()} == ({"results"} if is_asked else set())
+    Path(".dockerignore").write_text("results/*.jsonl\nresults/trials\n")  # what tells it is not shipped, the rest is
+    assert {path for _, path in asked()} == ({"results"} if is_asked else set())
+    Path(".dockerignore").write_text("results\n")
+    assert bool(asked()) is (is_asked and "Dockerfile" not in ships)
+
+
+def test_records_of_applies_and_srprov_s_own_folder_are_asked_for(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What proves whose a volume is lies there."""
+    Path("inventory.yml").write_text("all: {hosts: {r1: {}}}\n")
+    monkeypatch.setenv("XDG_STATE_HOME", str(here / "state"))
+    keep(Owner(instance="nav", edf=str(here / "e.edf"), source="s", token="0" * 32))
+    with RunFolder(here / "runs", "one") as record:
+        record.put("environment.json", lambda: "{}")
+    Path("e.edf").write_text(EDF.replace("SHIPS", 'volumes: [".:/ws"]').replace("MORE", ""))
+    assert asked() == [("a", "runs/one"), ("a", "state/srprov")]
+
+
+def test_an_experiment_that_lies_in_a_record_has_its_files(here: Path) -> None:
+    """As in a bundle that was unpacked, and where a placement is worked out again."""
+    edf = write_experiment(here / "results/sessions/1/inputs")
+    for name in ("journal.jsonl", "trials"):
+        (here / "results" / name).mkdir()
+    made = asked_for(load_experiment(str(edf)), Inventory(hosts={}, groups={}))
+    assert made.experiment.outside == ()
 
 
 def test_a_copy_of_it_is_known_by_what_is_in_it(here: Path) -> None:
