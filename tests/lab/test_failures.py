@@ -114,7 +114,7 @@ def test_a_service_does_not_start_before_one_whose_robot_is_gone(mended: Lab, tm
     lab.srprov("lab", "kill", "robot1")
     ordered = {**alone, "then": busybox(robot="robot2", depends_on=["first"])}
     path.write_text(edf("ordered", ordered, placement=slots), encoding="utf-8")
-    applied = lab.srprov("apply", str(path), "-i", inventory, "--yes", "--json", "--settle", "0", "--timeout", "12")
+    applied = lab.srprov("apply", str(path), "-i", inventory, "--yes", "--json", "--settle", "0", "--timeout", "8")
     assert applied.code == 4, applied
     ends = {step["id"]: (step["outcome"], step["message"]) for step in applied.json["steps"]}
     outcome, why = ends["robot2/container:srprov.ordered.then"]
