@@ -1,6 +1,7 @@
 """Files of a container as its engine sees them, whether it runs or not: the protocol that sessions implement.
 
-Takes nothing and touches nothing. `transport/engine/archive.py` is behind it.
+Takes nothing and touches nothing. Behind it is `transport/engine/archive.py`, or `transport/container_folders.py` where
+an engine could be led elsewhere.
 """
 
 from __future__ import annotations
@@ -30,10 +31,11 @@ class ContainerFiles(Protocol):
 
         Raises:
             TransportError: The engine refuses, or it or the robot cannot be talked to.
+            RefusedError: Its engine alone could tell, and may be led elsewhere; so for the others.
         """
 
     def copy_out(self, container: str, path: str) -> Iterator[bytes]:
-        """Yield a file or folder as a tar, whose names begin with the last part of the path.
+        """Yield a file or folder as a tar, whose names all begin with one part, or none where a mount is copied.
 
         Raises:
             TransportError: The engine refuses, or it or the robot is gone.
@@ -45,5 +47,6 @@ class ContainerFiles(Protocol):
         What was unpacked before a failure stays.
 
         Raises:
+            UsageError: The tar is none, or has something in the place of something else.
             TransportError: The engine refuses, or it or the robot is gone.
         """

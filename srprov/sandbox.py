@@ -8,15 +8,18 @@ device cannot be opened, and no hard link reaches what lies beyond. Who is not r
 
 from __future__ import annotations
 
+import posixpath
+
 from srprov.wire import quote
 
-MISSING, NO_SANDBOX, ELSEWHERE = 44, 47, 48
-"""Exit statuses: the folder is gone; it could not be closed off; another one is in its place."""
+MISSING, LED_OUT, NO_SANDBOX, ELSEWHERE = 44, 45, 47, 48
+"""Exit statuses: what is asked for is gone; a link leads out of the folder; it could not be closed off; another one is
+in its place."""
 NOT_CLOSED = "its folder cannot be closed off from the robot's other files; unshare and mount of util-linux do that"
 """What `NO_SANDBOX` means, in words."""
 
 _ENTER = f"""cd -- "$1" || exit {MISSING}
-[ "$3" = rw ] || [ "$(pwd -P)" = "$1" ] || exit {ELSEWHERE}
+[ "$(pwd -P)" = "$1" ] || exit {ELSEWHERE}
 mount -t tmpfs -o mode=755,size=64k,nosuid srprov /tmp && mkdir /tmp/dev /tmp/folder && : >/tmp/dev/null &&
 mount --bind /dev/null /tmp/dev/null || exit {NO_SANDBOX}
 links=
@@ -36,6 +39,10 @@ done
 mount -c --bind . /tmp/folder && mount -o "remount,bind,$3,nodev,nosuid,noexec" /tmp/folder || exit {NO_SANDBOX}
 exec chroot /tmp sh -c "cd /folder; $2"
 """
+_WHY_NOT = (
+    'set -f; IFS=/; at=.; for part in $folder; do at="$at/$part"; '
+    f'[ ! -L "$at" ] || exit {LED_OUT}; done; exit {MISSING}'
+)
 _WATCHED = (
     "exec 3<&0; timeout -k 9 {most} sh -c {script} 3<&- & job=$!; trap 'kill $job' HUP TERM; "
     "{{ cat <&3; kill $job; }} >/dev/null 2>&1 & watch=$!; exec 3<&-; "
@@ -43,14 +50,37 @@ _WATCHED = (
 )
 
 
-def sandboxed(root: str, script: str, real: str = "") -> str:
+def sandboxed(root: str, script: str, real: str = "", *, way: str = "ro") -> str:
     """Return a script that runs another one in a folder of the robot, which is its working folder at the start.
 
-    The inner one ends with `exit` or its last status, reads only, and sees the folder under another name. Nothing is
-    read where the folder's path leads elsewhere than to `real`, if that is known.
+    The inner one ends with `exit` or its last status, reads only, unless the way is `rw`, and sees the folder under
+    another name. Nothing is read where the folder's path leads elsewhere than to `real`, if that is known.
     """
     same = f'[ "$root" = {quote(real)} ] || exit {ELSEWHERE}; ' if real else ""
-    return f"root=$(realpath -e -- {quote(root)} 2>/dev/null) || exit {MISSING}; {same}{_closed(script, 'ro', '')}"
+    return f"root=$(realpath -e -- {quote(root)} 2>/dev/null) || exit {MISSING}; {same}{_closed(script, way, '')}"
+
+
+def inside(root: str, path: str, script: str, real: str = "", *, way: str = "ro") -> str:
+    """Return a script that runs another in the folder of a path below a root, where `what` is its name.
+
+    `real` is where the root has to lead, if that is known.
+
+    The kernel says where the working folder is: whatever runs there may put links in the way meanwhile, and neither tar
+    nor find nor dd follow one that they are named.
+    """
+    folder, name = posixpath.split(posixpath.normpath(path))
+    go = (
+        f"here=$(pwd -P); folder={quote(folder)}; what={quote('./' + (name if name != '.' else ''))}; "
+        f'if [ "$folder" ] && ! cd -- "./$folder" 2>/dev/null; then {_WHY_NOT}; fi; '
+        f'[ "$(pwd -P)" = "${{here%/}}${{folder:+/$folder}}" ] || [ -z "$folder" ] || exit {LED_OUT}; '
+        f'[ -e "$what" ] || [ -L "$what" ] || exit {MISSING}'
+    )
+    return sandboxed(root, f"{go}; {script}", real, way=way)
+
+
+def ending(script: str) -> str:
+    """Return a script that says on stderr how another one ended."""
+    return f'( {script} ); echo "srprov-end $?" >&2'
 
 
 def sandboxed_writing(script: str) -> str:
@@ -58,7 +88,8 @@ def sandboxed_writing(script: str) -> str:
 
     It knows the names of the robot's users and groups: access lists of an archive name them.
     """
-    return _closed(script, "rw", "passwd group")
+    real = f'root=$(realpath -e -- "$root" 2>/dev/null) || exit {MISSING}; '
+    return real + _closed(script, "rw", "passwd group")
 
 
 def _closed(script: str, way: str, known: str) -> str:

@@ -16,10 +16,10 @@ import msgspec
 from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.execution.listing import Entry, Listing, ListingError
-from srprov.execution.result_scripts import LIST, TAR, UNNAMEABLE, WHY, ending, inside
+from srprov.execution.result_scripts import LIST, TAR, UNNAMEABLE, WHY
 from srprov.modules.mount_place import led_of
 from srprov.pace import TOO_LITTLE, Pace
-from srprov.sandbox import MISSING, ended_with_channel
+from srprov.sandbox import MISSING, ended_with_channel, ending, inside
 from srprov.session import Session, Streams
 from srprov.untrusted import absolute, mapping, mappings, string
 

@@ -5,19 +5,36 @@
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from srprov.container_files import InContainer
-    from srprov.session import ContainerCommand, Exec
+    from collections.abc import Sequence
+
+    from srprov.container_files import ContainerFiles, InContainer
+    from srprov.session import ContainerCommand, Exec, Streams
     from srprov.transport.engine import EngineAccess
+    from srprov.wire import AnyQuery, Reply
 
 
-class EngineStreams:
-    """The part of a session that needs nothing but its engine."""
+class EngineStreams(abc.ABC):
+    """The part of a session that needs little but its engine."""
 
     engine: EngineAccess
+
+    @property
+    @abc.abstractmethod
+    def host(self) -> str:
+        """The robot's name in the inventory."""
+
+    @abc.abstractmethod
+    def ask(self, queries: Sequence[AnyQuery]) -> Sequence[Reply]:
+        """Ask shell and engine; see `session.Reader`."""
+
+    @abc.abstractmethod
+    def open_shell(self, script: str) -> Streams:
+        """Run a script in a shell of its own; see `session.Session`."""
 
     def save_image(self, image: str, timeout_s: float) -> Iterator[bytes]:
         """Stream the image as `docker save` writes it.
@@ -43,18 +60,21 @@ class EngineStreams:
 
     def path_in(self, container: str, path: str) -> InContainer | None:
         """Say what is at a path of a container."""
-        from srprov.transport.engine import archive
-
-        return archive.path_in(self.engine.client, container, path)
+        return self._files(container).path_in(container, path)
 
     def copy_out(self, container: str, path: str) -> Iterator[bytes]:
         """Yield a path of a container as a tar."""
-        from srprov.transport.engine import archive
-
-        return archive.copy_out(self.engine.client, container, path)
+        return self._files(container).copy_out(container, path)
 
     def copy_into(self, container: str, folder: str, tar: Iterator[bytes]) -> None:
         """Unpack a tar in a folder of a container."""
-        from srprov.transport.engine import archive
+        from srprov.transport.container_tar import begun
 
-        archive.copy_into(self.engine.client, container, folder, tar)
+        self._files(container).copy_into(container, folder, begun(tar))
+
+    def _files(self, container: str) -> ContainerFiles:
+        """Return the way to a container's files that no container turns."""
+        from srprov.transport.container_folders import files_of
+        from srprov.transport.engine.archive import EngineFiles
+
+        return files_of(self, container, EngineFiles(self.engine.client))

@@ -1,0 +1,108 @@
+"""What a robot's own `tar` gives, and takes, in a shell of its own that says at its end how that went.
+
+Takes scripts that `sandbox.ending` ends; gives pieces of bytes, and errors in words.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+
+from srprov.codes import Code
+from srprov.errors import TransportError, one_line
+from srprov.pace import TOO_LITTLE, Pace
+from srprov.session import Streams
+
+_READY = b"ready\n"
+_ENDED = re.compile(rb"srprov-end ([0-9]{1,3})\s*\Z")
+_LONGEST_COMPLAINT = 16_384
+_CHANGED = 1
+"""GNU tar's status when a file changed, or went, while it was read."""
+
+
+def taken(host: str, streams: Streams, path: str, why: Mapping[int, str]) -> Iterator[bytes]:
+    """Yield what a script gives, to its end.
+
+    Raises:
+        TransportError: It failed, or next to nothing comes.
+    """
+    shell = _Shell(host, streams, f"{path} cannot be read", why)
+    try:
+        while not streams.ended:
+            if piece := shell.read():
+                yield piece
+                shell.pace.resume()
+            else:
+                streams.wait(0.2, writing=False)
+        shell.end((0, _CHANGED))
+    finally:
+        streams.close()
+
+
+def given(host: str, streams: Streams, path: str, why: Mapping[int, str], pieces: Iterator[bytes]) -> None:
+    """Give a script what it takes, once it says that it is ready, and wait for its end.
+
+    Raises:
+        TransportError: It failed, or takes next to nothing.
+    """
+    shell = _Shell(host, streams, f"{path} cannot be written", why)
+    try:
+        said = b""
+        while not streams.ended and not said.endswith(_READY):
+            said += shell.read()[: len(_READY)]
+            streams.wait(0.2, writing=False)
+        for piece in pieces:
+            shell.send(piece)
+        while not streams.ended:
+            shell.read()
+            streams.wait(0.2, writing=False)
+        shell.end((0,))
+    finally:
+        streams.close()
+
+
+class _Shell:
+    """A shell under way."""
+
+    def __init__(self, host: str, streams: Streams, what: str, why: Mapping[int, str]) -> None:
+        self._host, self._streams, self._what, self._why = host, streams, what, why
+        self._complaint = b""
+        self.pace = Pace()
+
+    def read(self, sent: int = 0) -> bytes:
+        """Return what it prints now, and keep what it complains of."""
+        piece, error = self._streams.read()
+        self._complaint = (self._complaint + error)[-_LONGEST_COMPLAINT:]
+        if not self.pace.goes_on(len(piece) + sent):
+            said = f"{self._what}: {TOO_LITTLE}"
+            raise TransportError(self._host, said, hint="try again", code=Code.LOST)
+        return piece
+
+    def send(self, piece: bytes) -> None:
+        """Send all of it; how long it took to come is no matter."""
+        data = memoryview(piece)
+        self.pace.resume()
+        while data:
+            sent = self._streams.write(data)
+            data = data[sent:]
+            self.read(sent)
+            if data and self._streams.ended:
+                self.end(())
+            if not sent:
+                self._streams.wait(0.2, writing=True)
+
+    def end(self, fine: tuple[int, ...]) -> None:
+        """Raise TransportError unless it ended with a status that is fine."""
+        ended = _ENDED.search(self._complaint)
+        if ended is None:
+            said = f"{self._what}: it ended too early: {self._streams.reason()}"
+            raise TransportError(self._host, said, hint="try again", code=Code.LOST)
+        if (status := int(ended[1])) not in fine:
+            words = self._complaint[: ended.start()].decode("utf-8", "replace")
+            raise failed(self._host, self._what, status, words, self._why)
+
+
+def failed(host: str, what: str, status: int, complaint: str, why: Mapping[int, str]) -> TransportError:
+    """Return the error of a script that ended with a status."""
+    words = why.get(status) or one_line(complaint)[-300:] or f"status {status}"
+    return TransportError(host, f"{what}: {words}", code=Code.ENGINE)
