@@ -63,7 +63,7 @@ def cp(
 
     From a container, a link comes as a file of its own, and one to a folder of the copy not at all. Exits with 0; with
     3 when something is missing: links to what did not come, devices, pipes, sockets, repositories; with 4 when the
-    robot is lost.
+    robot is lost; with 9 for what a Docker Engine before 29.5.1 cannot be asked safely (docs/daily-use.md).
     """
     from srprov.controller.copying import place
 

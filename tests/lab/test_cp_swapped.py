@@ -14,7 +14,7 @@ from tests.lab.conftest import Done, Lab, busybox, edf, part_of_lab
 
 pytestmark = pytest.mark.lab
 
-TIMES = 12
+TIMES = 8
 SWAP = """
 import ctypes, os, sys
 exchange = ctypes.CDLL(None, use_errno=True).renameat2
