@@ -12,7 +12,8 @@ from collections.abc import Collection, Iterator, Mapping
 from msgspec.structs import replace
 
 from srprov.codes import Code
-from srprov.controller.overlay_claim import had_twice, mixed_up, open_links, underlays_of, vteps_of, wrong_link
+from srprov.controller.image_claim import is_own_image
+from srprov.controller.overlay_claim import astray, had_twice, underlays_of, vteps_of, wrong_link
 from srprov.controller.placement_claim import PlacementClaim
 from srprov.controller.robot_files import is_record_path
 from srprov.controller.stated import definition_of, pulled_for_nobody, sent_for_nobody, unstated
@@ -77,11 +78,7 @@ def asked(saved: PlanFile) -> tuple[Permission, ...]:
     # of what is right already, only checks are asked on the robots
     strange = [want for want in steps if not _is_own(want, names, plan, contexts, built, claim)]
     strange += [want for want in saved.also_wanted if want.module in PROBING]
-    more = (
-        *open_links(wants_of(saved)),
-        *mixed_up(steps, wants_of(saved), underlays_of(saved)),
-        *unstated(wants_of(saved)),
-    )
+    more = (*astray(steps, wants_of(saved), underlays_of(saved)), *unstated(wants_of(saved)))
     strange += [want for want in more if want not in strange]
     return (
         *permissions(whole, builds),
@@ -200,10 +197,8 @@ def _is_own(
 
     `contexts` are those of its images, `built` the (robot, image) that the plan builds.
     """
-    if isinstance(want.params, ImageParams) and want.params.source == "build":
-        return want.params.blob is not None and want.params.blob == contexts.get(want.name)
-    if isinstance(want.params, ImageParams) and want.params.source == "copy":
-        return want.name in contexts and bool(want.params.id or (want.params.from_, want.name) in built)
+    if isinstance(want.params, ImageParams) and want.params.source in ("build", "copy"):
+        return want.name in contexts and is_own_image(want.params, want.name, contexts[want.name], built)
     if isinstance(want.params, FileParams) and is_record_path(want.name) and not claim.is_record(want.params.text):
         return False
     at_home = want.service == "" or plan.assignment.get(want.service) == want.host

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from ipaddress import ip_address
 
 from srprov.controller.robot_files import is_record_path
@@ -50,6 +50,20 @@ def wrong_link(
         yield f"{want.id}: its addresses are not such as services on the network there may have"
 
 
+def astray(steps: Sequence[Resource], wants: Sequence[Resource], underlays: Mapping[str, str]) -> Iterator[Resource]:
+    """Return what would lead packets to where they are not for, or let in whom they are not from.
+
+    Args:
+        steps: What is not there yet.
+        wants: All that the plan wants, these too.
+        underlays: Robot -> its underlay address.
+    """
+    yield from open_links(wants)
+    yield from mixed_up(steps, wants, underlays)
+    yield from misled(steps, wants, underlays)
+    yield from told_of_strangers(steps, wants)
+
+
 def open_links(wants: Sequence[Resource]) -> Iterator[Resource]:
     """Return the links that others than the robots they send to may send into: srprov's own have a filter."""
     filters = {(one.host, one.name): {*one.params.vteps} for one in wants if isinstance(one.params, VxlanFilterParams)}
@@ -92,6 +106,33 @@ def mixed_up(
             for robot, endpoint, end in want.params.peers
         ):
             yield want
+
+
+def misled(steps: Iterable[Resource], wants: Sequence[Resource], underlays: Mapping[str, str]) -> Iterator[Resource]:
+    """Return the links that would send what is for one robot's services to another one, and units that restore such."""
+    gateways = {want.host: want.params.gateway for want in wants if isinstance(want.params, NetworkParams)}
+    homes = {_end(link.bridge_mac): want.host for want in wants
+             if isinstance(link := want.params, VxlanParams) and link.bridge_mac}  # fmt: skip
+    # a service's comes last: a bridge that had the same would take what is for the service
+    homes |= {_end(one.network.mac): want.host for want in wants
+              if isinstance(one := want.params, ContainerParams) and one.network.mac}  # fmt: skip
+    for want in steps:
+        if not isinstance(link := want.params, VxlanParams):
+            continue
+        ends = gateways if link.netns else underlays
+        if any(ends.get(homes[_end(mac)]) != vtep for mac, vtep in link.fdb if _end(mac) in homes):
+            yield want
+
+
+def told_of_strangers(steps: Iterable[Resource], wants: Sequence[Resource]) -> Iterator[Resource]:
+    """Return the containers that are told of peers elsewhere than on the overlay of their robot."""
+    overlays = {want.host: want.params for want in wants if isinstance(want.params, NetworkParams)}
+    for want in steps:
+        if isinstance(want.params, ContainerParams) and want.params.made_with:
+            own = overlays.get(want.host)
+            peers = [one for value in want.params.made_with.values() for one in value.split(";")]
+            if own is None or not all(is_free(one, own.subnet, own.gateway) for one in peers):
+                yield want
 
 
 def _end(text: str) -> str:

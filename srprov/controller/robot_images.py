@@ -72,7 +72,7 @@ def robot_images(inputs: RenderInputs, blobs: dict[str, bytes]) -> dict[str, lis
             wanted.setdefault(builder, {})[image] = build
         if builder != host:
             wanted.setdefault(host, {})[image] = _copied(
-                inputs, image, builder, host, trusted.get((builder, image), ""), _name(plans[image].base)
+                inputs, image, builder, host, trusted.get((builder, image), ""), base_name(plans[image].base)
             )
     runs = {host: list(inputs.snapshot.facts[host].runs) for host in wanted}
     return {host: [{**images[name], "runs": runs[host]} for name in sorted(images)] for host, images in wanted.items()}
@@ -93,7 +93,7 @@ def _known(inputs: RenderInputs) -> dict[tuple[str, str], str]:
     return found
 
 
-def _name(base: str) -> str:
+def base_name(base: str) -> str:
     """Return an image as engines list it; nothing for one that only its build knows, by a variable."""
     try:
         return normalise(base)

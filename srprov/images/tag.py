@@ -121,6 +121,11 @@ def read_context(context: bytes) -> tuple[str, str]:
     return content_hash(Dockerfile(text=text, base=base, pinned=pinned), entries)[:_TAG_LENGTH], text
 
 
+def base_of(context: bytes) -> str:
+    """Return what `ImagePlan.base` is of a build context that `plan_image` wrote; "" for another one."""
+    return _bases(read_context(context)[1])[0]
+
+
 def locate_failure(plan: ImagePlan, output: str) -> Location | None:
     """Return the user's line behind a failed build, from what the builder said; None when it does not tell."""
     if parse := re.findall(r"(?:parse error (?:on )?line |Dockerfile:)([0-9]{1,6})", output):

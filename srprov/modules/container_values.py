@@ -33,9 +33,9 @@ _FILLED_IN = {"shm_size": ("64m",), "ipc": ("private", "shareable"), "runtime": 
 """Field -> what an engine puts there when nothing was said."""
 
 
-def wanted_values(want: ContainerParams) -> Parts:
-    """Return the values of a wanted container."""
-    body = engine_body(replace(want, api="1.41", made_with={}))
+def wanted_values(want: ContainerParams, *, made: bool = False) -> Parts:
+    """Return the values of a wanted container; with `made`, also of the variables that it gets only when it is made."""
+    body = engine_body(replace(want, api="1.41", made_with=want.made_with if made else {}))
     network = want.network
     at = {"network": _mode(network.mode), "network.ip": (network.name and network.ip) or "", "network.mac": ""}
     at["network.mac"] = (network.name and network.mac) or ""
@@ -48,14 +48,14 @@ def differing_values(want: ContainerParams, found: State, replies: Sequence[Repl
     about = mapping(replies[0].json()) if readable else {}
     if not about:
         return (Difference(field="container", note="its old values were not read"),)
-    wanted, there = wanted_values(want), _found(about, want)
+    wanted, there = wanted_values(want, made=True), _found(about, want)
     brought = _brought(replies[1])
     differing: list[Difference] = []
     for part in _differing_parts(want, found):
         new = wanted.get(part, {})
         base = None if brought is None else brought.get(part, {})
         kept = {key: value for key, value in there.get(part, {}).items() if _counts(part, key, value, new, base)}
-        differing += compared({key: value for key, value in kept.items() if key not in want.made_with}, new)
+        differing += compared(kept, new)
     return untold(bounded(differing), found.get("taken", ()), want.taken)
 
 

@@ -1,6 +1,10 @@
 """Which recordings among what came home were never closed, because their recorder was killed; MCAP is recovered beside.
 
-Takes files that were put in a folder right before, of somebody else's making; reads a few bytes of each.
+Takes files that were put in a folder right before, of somebody else's making; reads a few bytes of each. A program is
+named only for what does no harm with it: `rosbag reindex` runs what message definitions of a bag before version 2.0
+say, and SQLite removes a file that a journal names.
+
+Source: ROS 1's "Bag Format 2.0"; SQLite's "Database File Format", "The Rollback Journal", and its `pager.c`.
 """
 
 from __future__ import annotations
@@ -20,6 +24,8 @@ from srprov.record.results import Kept
 _BAG = b"#ROSBAG V2.0\n"
 _BAG_HEADER = 4096 + 128
 _INDEX = re.compile(rb"\x12\x00\x00\x00index_pos=(.{8})", re.DOTALL)
+_SUPER_JOURNAL = bytes.fromhex("d9d505f920a163d7")
+"""The end of a rollback journal that names a further one; no recorder writes to several databases at once."""
 _IN_THE_WAY = {errno.EISDIR, errno.ENOTDIR, errno.EEXIST, errno.ENOTEMPTY, errno.ENAMETOOLONG}
 _KILLED = "its recorder did not close it"
 
@@ -61,10 +67,10 @@ def _checked(folder: Path, one: Kept, names: Set[str]) -> Kept:
     path = folder / one.name
     if one.name.endswith(".mcap"):
         return _mcap(folder, one, names)
-    if one.name.endswith(".bag.active"):
-        return replace(one, unclosed=f"ROS 1 bag: {_KILLED}; rosbag reindex closes a copy of it")
-    if one.name.endswith(".bag") and not _has_index(path):
-        return replace(one, unclosed="ROS 1 bag: it has no index; rosbag reindex makes one in a copy of it")
+    if one.name.endswith((".bag", ".bag.active")):
+        return replace(one, unclosed=_bag(path))
+    if one.name.endswith(".db3-journal") and _ends_with(path, _SUPER_JOURNAL):
+        return replace(one, unclosed="SQLite: it names another file, which whoever opens the .db3 beside it removes")
     if one.name.endswith((".db3-wal", ".db3-journal")) and one.size:
         return replace(one, unclosed=f"SQLite: {_KILLED}; keep it beside its .db3")
     if one.name.endswith(".db3") and _lacks_metadata(one.name, names):
@@ -109,9 +115,13 @@ def _ends_with(path: Path, end: bytes) -> bool:
         return size > len(end) and stream.read() == end
 
 
-def _has_index(path: Path) -> bool:
-    """Tell whether a ROS 1 bag says where its index is: the recorder writes that last."""
+def _bag(path: Path) -> str:
+    """Say what is wrong with a ROS 1 bag; the recorder writes last where its index is."""
     with path.open("rb") as stream:
         head = stream.read(_BAG_HEADER)
+    if not head.startswith(_BAG):
+        return "ROS 1 bag: it does not begin as one of version 2.0 does"
     found = _INDEX.search(head)
-    return head.startswith(_BAG) and found is not None and struct.unpack("<Q", found[1])[0] > 0
+    if found is None or struct.unpack("<Q", found[1])[0] == 0:
+        return "ROS 1 bag: it has no index; rosbag reindex makes one in a copy of it"
+    return f"ROS 1 bag: {_KILLED}" if path.name.endswith(".active") else ""

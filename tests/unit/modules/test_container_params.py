@@ -14,7 +14,7 @@ SAID = {
 }  # fmt: skip
 
 
-def test_only_the_list_of_peers_is_kept_out_of_what_a_plan_shows() -> None:
+def test_only_the_list_of_peers_makes_no_container_anew() -> None:
     """A plan told `RATE: 2 -> 4` of a container that a stranger's file made anew, and nothing of a second variable."""
     assert frozenset({"ROS_STATIC_PEERS"}) == KEPT  # network/discovery.py gives it
     kept = resource("container", "srprov.hello.web", {**SAID, "made_with": {"ROS_STATIC_PEERS": "a;b"}})

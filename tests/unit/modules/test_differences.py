@@ -62,6 +62,17 @@ def test_without_the_image_nothing_that_it_may_have_brought_is_told() -> None:
     assert not [one for one in found if one.field in ("environment.PATH", "command")]
 
 
+def test_peers_that_a_container_gets_when_it_is_made_anew_are_told() -> None:
+    """It was told that they go, and what a plan file had put in their place was not."""
+    want = replace(WANT, made_with={"ROS_STATIC_PEERS": "10.0.0.1;10.0.0.2"})
+    about = {"Config": {"Env": ["RATE=4", "ROS_STATIC_PEERS=10.0.0.1"]}}
+    replies = [Reply(status=200, out=json.dumps(about)), Reply(status=200, out='{"Config": {}}')]
+    found = differing_values(want, {"parts": {"environment": "x"}}, replies)
+    assert [one for one in found if one.field.startswith("environment")] == [
+        Difference(field="environment.ROS_STATIC_PEERS", old="10.0.0.1", new="10.0.0.1;10.0.0.2")
+    ]
+
+
 def test_values_without_end_are_counted() -> None:
     """Each was a line of the plan; what is wanted is told, however many there are."""
     image = Reply(status=200, out='{"Config": {}}')
