@@ -144,6 +144,8 @@ def test_what_is_there_is_not_sent_however_it_came(job: Job) -> None:
     made = job.apply(*robots)
     sent = {robot: received(lab, robot) - count for robot, count in before.items()}
     assert all(packed < count < 1.05 * packed for count in sent.values()), (packed, sent)
+    kept = {one.name: one.stat().st_size for one in (job.folder / "cache/srprov/blobs").iterdir()}
+    assert max(kept.values()) < 1.05 * packed, f"the base, which each has by its name, was read from robot1: {kept}"
     name = next(one["id"].partition("image:")[2] for one in made["steps"] if "/image:" in one["id"])
     copies = [one["message"] for one in made["steps"] if "/image:" in one["id"] and not one["id"].startswith("robot1/")]
     assert copies == ["sent 1 of 3 layers, 4.0 MiB"] * 3
