@@ -136,7 +136,9 @@ ROOMS: Mapping[str, Room] = {
         "believed codes errors names private published regular_file tree_links yamldoc definitions importing"
     ),
     # Compose files of an experiment: as values, but for the one file that writes them into a folder.
-    "exporting": room("believed codes errors plain_tar tree_links definitions facts.model images network yamldoc"),
+    "exporting": room(
+        "believed codes errors plain_tar tree_links definitions facts.model images network planning.graver yamldoc"
+    ),
     # Images as files of strangers: nothing is opened, nothing of them is run.
     "oci": room("image_reference layers untrusted"),
     "lab": room("codes errors regular_file yamldoc", "yaml"),

@@ -33,11 +33,11 @@ from srprov.definitions.expand import expand
 from srprov.definitions.model import Definitions, Experiment
 from srprov.errors import DefinitionError, UsageError
 from srprov.exporting import Wanted, export
-from srprov.exporting.model import Export
+from srprov.exporting.model import Export, Lent
 from srprov.exporting.reach import as_written
 from srprov.exporting.variables import Open
 from srprov.images.tag import Checkouts, no_repositories
-from srprov.planning.policy import permissions
+from srprov.planning.policy import Permission, permissions, require
 
 if TYPE_CHECKING:
     from srprov.controller.request import PlanRequest
@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from srprov.facts.model import Snapshot
     from srprov.planning.planfile import PlanFile
 
+_NO_FOLDER = "or mount it `:ro` where the service only reads it; `apply` fills a volume of the engine's with the seed"
 _NOT_THERE = (*COPIED_FIRST, "env", "secret", "secret-command", "fetch", "playbook", "unit")
 """Kinds that a machine which runs Compose is not asked for: whoever uses the files gives it, or it is left out."""
 
@@ -173,7 +174,7 @@ def _exported(
     containers = {key: one for key, one in source.definitions.containers.items() if key in used}
     notes = *_granted(source, experiment, placed), *_told(source, experiment, placed)
     with disk.together():
-        return _tool(source.tool)(
+        made = _tool(source.tool)(
             Wanted(
                 definitions=replace(source.definitions, experiment=experiment, containers=containers),
                 placed=placed, robots=addresses, profiles=source.every_profile, open=source.open,
@@ -184,6 +185,17 @@ def _exported(
                 checkout=_checkout(containers, source.allowed), lossy=source.lossy,
             )
         )  # fmt: skip
+    _permit_lent(made.lent, source.allowed)
+    return made
+
+
+def _permit_lent(lent: Collection[Lent], allowed: Collection[str]) -> None:
+    """Refuse to lend folders of the export to containers unasked: to `apply` they are volumes, and need no permission.
+
+    Raises:
+        RefusedError: Names each of them.
+    """
+    require([Permission(kind="host-path", service=one.service, what=one.what) for one in lent], allowed, _NO_FOLDER)
 
 
 def _granted(source: Source, experiment: Experiment, placed: Mapping[str, str]) -> Iterator[str]:

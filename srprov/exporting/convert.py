@@ -17,7 +17,7 @@ from srprov.definitions.model import EXPORTED, Experiment, Service
 from srprov.definitions.sharing import written_by_several
 from srprov.errors import DefinitionError, UsageError
 from srprov.exporting.images import Built, built
-from srprov.exporting.model import Export, File, Machine, Need, Part
+from srprov.exporting.model import Export, File, Lent, Machine, Need, Part
 from srprov.exporting.mounts import Shipping
 from srprov.exporting.reach import Reach, reaches
 from srprov.exporting.readme import readme
@@ -49,6 +49,7 @@ def export(wanted: Wanted) -> Export:
     several = written_by_several(experiment.services)
     parts = [_machine(wanted, one, reach[one.robot], images, several) for one in machines]
     remarks += chain.from_iterable(part.remarks for part in parts)
+    lent = tuple(sorted(set(chain.from_iterable(part.lent for part in parts))))
     done = Export(
         experiment=experiment.name,
         edf=wanted.edf,
@@ -56,9 +57,14 @@ def export(wanted: Wanted) -> Export:
         files=_unique(chain.from_iterable(part.files for part in parts)),
         fields=fields_of(wanted.texts, wanted.edf, remarks),
         needs=tuple(sorted(set(chain.from_iterable(part.needs for part in parts)))),
-        notes=(*wanted.notes, *(note for one in images.values() for note in one.moving)),
+        lent=lent,
+        notes=(*wanted.notes, *map(_lent, lent), *(note for one in images.values() for note in one.moving)),
     )
     return replace(done, files=(*done.files, File(path=README, content=readme(experiment, done).encode())))
+
+
+def _lent(one: Lent) -> str:
+    return f"{one.service} gets more than its container, and Compose asks nobody: host-path ({one.what})"
 
 
 def _machines(experiment: Experiment, placed: Mapping[str, str]) -> Iterator[Machine]:
@@ -102,6 +108,7 @@ def _machine(
         ),
         remarks=tuple(chain.from_iterable(part.remarks for part in parts.values())),
         needs=(*secrets.needs, *chain.from_iterable(part.needs for part in parts.values())),
+        lent=tuple(chain.from_iterable(part.lent for part in parts.values())),
     )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ from types import MappingProxyType
 import msgspec
 
 from srprov.errors import Location
+from srprov.planning.graver import LEFT_THERE, noted
 
 EXACT, ADAPTED, DROPPED, REFUSED = "exact", "adapted", "dropped", "refused"
 KINDS = (EXACT, ADAPTED, DROPPED, REFUSED)
@@ -46,6 +47,20 @@ class Need(msgspec.Struct, frozen=True, kw_only=True, order=True):
     """Path in the export's folder, or name of the variable."""
     what: str
     """One sentence."""
+
+
+class Lent(msgspec.Struct, frozen=True, kw_only=True, order=True):
+    """A folder of the export that containers write to: one of whoever runs the file, on his machine."""
+
+    place: str
+    """Path in the export's folder."""
+    service: str
+    """In the EDF."""
+
+    @property
+    def what(self) -> str:
+        """Return what the service gets, with why that is grave."""
+        return noted(f"./{self.place} of the export, a folder of whoever runs it, writable", LEFT_THERE)
 
 
 class Machine(msgspec.Struct, frozen=True, kw_only=True):
@@ -88,6 +103,7 @@ class Export(msgspec.Struct, frozen=True, kw_only=True):
     """In the order of the files, the EDF first."""
     needs: tuple[Need, ...] = ()
     notes: tuple[str, ...] = ()
+    lent: tuple[Lent, ...] = ()
     made_by: str = "Docker Compose files, made by `srprov export compose`"
 
 
@@ -97,4 +113,5 @@ class Part(msgspec.Struct, frozen=True, kw_only=True):
     files: tuple[File, ...] = ()
     remarks: tuple[Remark, ...] = ()
     needs: tuple[Need, ...] = ()
+    lent: tuple[Lent, ...] = ()
     document: Mapping[str, object] = msgspec.field(default_factory=lambda: MappingProxyType({}))

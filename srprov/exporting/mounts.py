@@ -22,7 +22,7 @@ from srprov.codes import Code
 from srprov.definitions.containermodel import Mount, Seed
 from srprov.definitions.model import VERSION_CONTROL, Experiment, Service
 from srprov.errors import UsageError
-from srprov.exporting.model import ADAPTED, File, Machine, Need, Part, Remark
+from srprov.exporting.model import ADAPTED, File, Lent, Machine, Need, Part, Remark
 from srprov.exporting.text import Raw
 from srprov.plain_tar import Member
 
@@ -51,6 +51,7 @@ class Shipping(msgspec.Struct, frozen=True, kw_only=True):
             files=tuple(file for part in parts for file in part.files),
             remarks=tuple(remark for part in parts for remark in part.remarks),
             needs=tuple(need for part in parts for need in part.needs),
+            lent=tuple(one for part in parts for one in part.lent),
         )
 
     def _one(self, service: Service, mount: Mount) -> Part:
@@ -59,20 +60,31 @@ class Shipping(msgspec.Struct, frozen=True, kw_only=True):
         if mount.kind == "volume" and mount.seed is None:
             return volume(self.several, service, mount, _long("volume", mount.source, mount))
         if mount.seed is not None:
-            return self._seeded(mount, mount.seed)
+            return self._seeded(service, mount, mount.seed)
         if mount.kind == "bind":
             return self._bind(service, mount)
         return self._shipped(service, mount)
 
-    def _seeded(self, mount: Mount, seed: Seed) -> Part:
+    def _of_export(self, service: Service, place: str, mount: Mount) -> Part:
+        """Return the mount of a place in the export, which whoever runs the file lends where it can be written to.
+
+        All mounts of what is in the export are made here: none can be written to that is not told.
+        """
+        lent = Lent(place=place, service=service.instance_of or service.name)
+        return Part(
+            document={"volume": _long("bind", f"./{place.removeprefix(self.machine.folder)}", mount)},
+            lent=() if mount.read_only else (lent,),
+        )
+
+    def _seeded(self, service: Service, mount: Mount, seed: Seed) -> Part:
         place = self._place(f"volumes/{mount.source}", seed.path)
         name = mount.source
         words = [f"a writable folder, {place}, which holds the seed; Compose fills no volume from a folder"]
         words += [f"its files need the owner {seed.user}: see the README"] if seed.user else []
         owner = f"`chown -R {seed.user} {place}`, as root: the EDF gives the volume to that user"
         own = (Need(kind="file", name=place, what=owner),) if seed.user else ()
-        return Part(
-            document={"volume": _long("bind", f"./{self._local(place)}", mount)},
+        return replace(
+            self._of_export(service, place, mount),
             files=self._copied(place, seed.path) or (),
             remarks=(Remark(path=("volumes", name, "seed"), kind=ADAPTED, words="; ".join(words)),),
             needs=own,
@@ -97,8 +109,8 @@ class Shipping(msgspec.Struct, frozen=True, kw_only=True):
         place = self._place(f"data/{mount.sha256[:12]}-{name}", mount.url)
         what = f"Download {mount.url}; its sha256 is {mount.sha256}."
         words = f"{place} is not in the export: the README says where to download it"
-        return Part(
-            document={"volume": _long("bind", f"./{self._local(place)}", mount)},
+        return replace(
+            self._of_export(service, place, mount),
             remarks=(Remark(path=_field(service, "data"), kind=ADAPTED, words=words),),
             needs=(Need(kind="file", name=place, what=what),),
         )
@@ -107,14 +119,14 @@ class Shipping(msgspec.Struct, frozen=True, kw_only=True):
         if mount.url:
             return self._downloaded(service, mount)
         place = self._place(self._wanted(mount.source), mount.source)
-        document = {"volume": _long("bind", f"./{self._local(place)}", replace(mount, read_only=True))}
+        mounted = self._of_export(service, place, replace(mount, read_only=True))
         if (files := self._copied(place, mount.source, may_be_large=mount.kind == "data")) is not None:
-            return Part(document=document, files=files)
+            return replace(mounted, files=files)
         words = f"{place} is too large to be copied into the export: the README says what to put there"
         hashed = f" Its sha256 is {mount.sha256}." if mount.sha256 else ""
         what = f"Copy {os.path.relpath(mount.source, self.experiment.folder)} of the experiment's folder there.{hashed}"
-        return Part(
-            document=document,
+        return replace(
+            mounted,
             remarks=(Remark(path=_field(service, "data"), kind=ADAPTED, words=words),),
             needs=(Need(kind="file", name=place, what=what),),
         )
@@ -135,9 +147,6 @@ class Shipping(msgspec.Struct, frozen=True, kw_only=True):
             number += 1
             place = f"{self.machine.folder}{wanted}-{number}"
         return place
-
-    def _local(self, place: str) -> str:
-        return place.removeprefix(self.machine.folder)
 
     def _copied(self, place: str, source: str, *, may_be_large: bool = False) -> tuple[File, ...] | None:
         """Return the files of a path at their place in the export; None for a file that is too large to be copied.

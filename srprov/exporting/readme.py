@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import posixpath
+import shlex
 from collections.abc import Iterable, Iterator
 
 from srprov.definitions.model import Experiment
 from srprov.errors import visible
 from srprov.exporting.model import EXACT, Export
 
+_LOOK = r"find {} \! -type d \! -type f -o -type f -links +1 -o -perm /6000 -o -name '.?*' -o -name HEAD"
+"""Links by either name, devices, pipes; what runs as somebody else; what programs read by themselves, and git's own."""
+
 
 def readme(experiment: Experiment, export: Export, start: Iterable[str] | None = None) -> str:
     """Return the text, in Markdown; `start` are the lines that say how it is started, without them Compose's."""
     begin = start if start is not None else _start(export)
-    parts = [_about(experiment, export), _needs(export), begin, _notes(export), _table(export)]
+    parts = [_about(experiment, export), _needs(export), begin, _lent(export), _notes(export), _table(export)]
     return "\n".join(line for part in parts for line in part).rstrip("\n") + "\n"
 
 
@@ -52,6 +56,24 @@ def _start(export: Export) -> Iterator[str]:
     if len(export.machines) > 1:
         yield "Compose knows one machine: start them in the order in which services need each other."
         yield ""
+
+
+def _lent(export: Export) -> Iterator[str]:
+    """Yield what is to be known of folders that containers write to: no program here looks at what they leave."""
+    if not export.lent:
+        return
+    yield from ("## Folders that containers write to", "")
+    places: dict[str, list[str]] = {}
+    for one in export.lent:
+        places.setdefault(one.place, []).append(one.service)
+    yield from (f"- `{_code(place)}`: {plain(', '.join(names))}" for place, names in places.items())
+    yield ""
+    yield "A container can leave there a link to a file of yours, a program that is root's whoever starts it, a device,"
+    yield "or a repository whose settings `git status` runs. So use no `git`, editor or build in it, and do not copy it"
+    yield "(`scp -r`, `cp -rL`, `zip`), before you have looked, with the containers gone:"
+    yield from ("", *(f"    {_LOOK.format(shlex.quote(f'./{place}'))}" for place in places), "")
+    yield "What that lists, and the seed did not have, is the container's: leave it alone, or remove the whole folder."
+    yield ""
 
 
 def _notes(export: Export) -> Iterator[str]:

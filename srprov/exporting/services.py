@@ -77,6 +77,7 @@ class Surroundings(msgspec.Struct, frozen=True, kw_only=True):
             files=(*mounts.files, *peers, *(env if listed else ())),
             remarks=(*mounts.remarks, *self._remarks(service), *_variables(service, document)),
             needs=mounts.needs,
+            lent=mounts.lent,
         )
 
     def _image(self, service: Service) -> dict[str, Any]:

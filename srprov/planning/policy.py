@@ -125,8 +125,8 @@ def refused(asked: Collection[Permission], allowed: Collection[str]) -> tuple[Pe
     return () if "all" in allowed else tuple(one for one in asked if one.kind not in allowed)
 
 
-def require(asked: Collection[Permission], allowed: Collection[str]) -> None:
-    """Refuse what is not allowed.
+def require(asked: Collection[Permission], allowed: Collection[str], instead: str = "") -> None:
+    """Refuse what is not allowed; `instead` is what else there is to do.
 
     Raises:
         RefusedError: Names all of it, and the flags that would allow it.
@@ -137,7 +137,7 @@ def require(asked: Collection[Permission], allowed: Collection[str]) -> None:
         flags = " ".join(f"--allow {kind}" for kind in sorted({one.kind for one in missing}))
         raise RefusedError(
             f"the experiment asks for more than its own containers: {what}",
-            hint=f"if you trust it: {flags}",
+            hint="; ".join(filter(None, (f"if you trust it: {flags}", instead))),
             code=Code.NOT_ALLOWED,
         )
 

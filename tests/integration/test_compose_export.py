@@ -25,7 +25,7 @@ EXAMPLES = sorted(str(one.relative_to(ROOT)) for one in (ROOT / "examples").glob
 
 def exported(edf: Path, folder: Path) -> Export:
     """Write the twin of an experiment into a folder, with a secret where one is to be given."""
-    made = compose.twin(compose.read(str(edf), frozenset()))
+    made = compose.twin(compose.read(str(edf), frozenset({"host-path"})))
     put(str(folder), made.files)
     for need in made.needs:
         if need.kind == "file" and not (folder / need.name).exists():

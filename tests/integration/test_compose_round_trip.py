@@ -57,7 +57,7 @@ def test_the_page_has_what_is_listed() -> None:
 
 def there_and_back(edf: Path, place: Path) -> tuple[Export, Definitions]:
     """Export an experiment as a twin, give what it needs, and import that."""
-    made = compose.twin(compose.read(str(edf), frozenset()))
+    made = compose.twin(compose.read(str(edf), frozenset({"host-path"})))
     out, back = place / "out", place / "back"
     put(str(out), made.files)
     for need in made.needs:

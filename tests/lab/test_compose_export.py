@@ -150,7 +150,9 @@ def test_what_is_built_shipped_seeded_and_secret_is_there_with_compose_alone(
     for name, text in {**files, "rich.edf": RICH, "web.cdf": CDF}.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
-    done = lab.srprov("export", "compose", str(tmp_path / "rich.edf"), "-o", str(tmp_path / "out"))
+    order = ("export", "compose", str(tmp_path / "rich.edf"), "-o", str(tmp_path / "out"))
+    assert lab.srprov(*order).code == 9, "the seed is a folder of the user's"
+    done = lab.srprov(*order, "--allow", "host-path")
     assert done.code == 0, done
     assert "you must give the file secrets/key" in done.out
     (tmp_path / "out" / "secrets" / "key").write_text("given\n")

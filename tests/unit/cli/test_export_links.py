@@ -11,6 +11,8 @@ import pytest
 from srprov.cli.main import run
 
 INVENTORY = "all: {hosts: {r1: {}}}\n"
+LENT = ("--allow", "host-path")
+"""A seed that its service writes to is a folder of the export."""
 SEED = "a/b/c/d/e/seed"
 EDF = "edf: 1\nname: demo\nvolumes: {cfg: {seed: SEED}}\nservices: {a: {cdf: ctx/Dockerfile, volumes: ['cfg:/c']}}\n"
 
@@ -52,7 +54,7 @@ def test_no_link_of_an_export_leads_out_of_its_part(
 ) -> None:
     """`scp -r`, by which the folder is copied to a robot, took the user's file along for the container."""
     (project / place).symlink_to(target.replace("/HOME", os.environ["HOME"]))
-    code = run(["export", "compose", "e.edf", "-o", "out"])
+    code = run(["export", "compose", "e.edf", "-o", "out", *LENT])
     said = capsys.readouterr().err
     if (project / "out").exists():
         shutil.copytree(project / "out", project / "copy", ignore_dangling_symlinks=True)
@@ -64,12 +66,12 @@ def test_no_link_of_an_export_leads_out_of_its_part(
 def test_a_link_that_stays_in_its_part_is_written(project: Path) -> None:
     (project / "ctx" / "sub" / "link").symlink_to("../f")
     (project / SEED / "link").symlink_to("f")
-    assert run(["export", "compose", "e.edf", "-o", "out"]) == 0
+    assert run(["export", "compose", "e.edf", "-o", "out", *LENT]) == 0
     assert (project / "out" / "build" / "ctx" / "sub" / "link").read_text() == "own"
     assert (project / "out" / "volumes" / "cfg" / "link").read_text() == "own"
     (project / "ctx" / "out").symlink_to("/etc/hosts")
     (project / "ctx" / ".dockerignore").write_text("out\n")
-    assert run(["export", "compose", "e.edf", "-o", "again"]) == 0
+    assert run(["export", "compose", "e.edf", "-o", "again", *LENT]) == 0
 
 
 @pytest.mark.parametrize("place", ["build/other", "build/b"])
@@ -83,11 +85,11 @@ def test_no_link_leads_from_what_one_image_is_built_from_to_that_of_another(
     edf = (project / "e.edf").read_text()
     (project / "e.edf").write_text(edf.replace("services: {", "services: {b: {cdf: b/Dockerfile}, "))
     (project / "ctx" / "map").symlink_to(f"../{place.partition('/')[2]}/private")
-    assert run(["export", "compose", "e.edf", "-o", "out"]) == 5
+    assert run(["export", "compose", "e.edf", "-o", "out", *LENT]) == 5
     assert "the link build/ctx/map would lead out of build/ctx/" in capsys.readouterr().err
     (project / "ctx" / "map").unlink()
     (project / SEED / "map").symlink_to("../other/f")
-    assert run(["export", "compose", "e.edf", "-o", "out"]) == 5
+    assert run(["export", "compose", "e.edf", "-o", "out", *LENT]) == 5
     assert "the link volumes/cfg/map would lead out of volumes/cfg/" in capsys.readouterr().err
 
 
@@ -99,5 +101,5 @@ def test_links_among_what_is_mounted_stay_as_they_are_in_the_project(project: Pa
     (project / "e.edf").write_text(
         "edf: 1\nname: demo\nservices: {a: {image: busybox, volumes: ['./conf:/conf', './shared:/shared']}}\n"
     )
-    assert run(["export", "compose", "e.edf", "-o", "out"]) == 0
+    assert run(["export", "compose", "e.edf", "-o", "out", *LENT]) == 0
     assert (project / "out" / "files" / "conf" / "link").read_text() == "own"

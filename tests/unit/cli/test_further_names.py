@@ -77,7 +77,7 @@ VERBS = (
     "trials e.edf",
     "build --show e.edf",
     "config",
-    "export compose e.edf -o exported",
+    "export compose e.edf -o exported --allow host-path",
     "import compose compose.yml compose.override.yml -o imported",
 )
 MADE = ("exported", "imported")

@@ -250,7 +250,7 @@ def test_shipped_files_seeds_and_homes(tmp_path: Path) -> None:
     (tmp_path / "www" / "run.sh").write_text("#!/bin/sh\n")
     (tmp_path / "www" / "run.sh").chmod(0o755)
     (tmp_path / "www" / "link").symlink_to("a.txt")
-    made = twin(edf)
+    made = twin(edf, "host-path")
     a = document(made)["services"]["a"]["volumes"]
     assert [(one["source"], one["target"], one.get("read_only", False)) for one in a] == [
         ("./files/www", "/www", True), ("./volumes/maps", "/maps", False),
