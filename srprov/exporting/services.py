@@ -140,8 +140,11 @@ def _variables(service: Service, document: Mapping[str, Any]) -> Iterator[Remark
 
 
 def _line(name: str, value: str) -> str:
-    """Return a line of an env_file that every reader takes for this value, or nothing where there is none."""
-    return f"{name}='{value}'" if value.isprintable() and not set("'\\") & set(value) else ""
+    """Return a line of an env_file that every reader takes for this value, or nothing where there is none.
+
+    podman-compose's puts variables of whoever runs it in the place of `${NAME}`, between single quotes, too.
+    """
+    return f"{name}='{value}'" if value.isprintable() and not set("'\\$") & set(value) else ""
 
 
 def _read_only(file: File, machine: Machine) -> dict[str, Any]:

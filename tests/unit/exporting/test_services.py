@@ -170,7 +170,7 @@ def test_variables_of_the_controller_are_named_and_never_read(tmp_path: Path, mo
     text = "services:\n  a: {image: busybox, environment: [TOKEN, NOT_SET, B=1], env_file: a.env}\n  b: {cdf: b.cdf}\n"
     made = twin(
         experiment(
-            tmp_path, text, a_dot_env="TOKEN\nOTHER\nC='x $y'\nD=it's\n",
+            tmp_path, text, a_dot_env="TOKEN\nOTHER\nC='x y'\nD=it's\n",
             b_dot_cdf="cdf: 1\nbase: debian\nenvironment: [TOKEN]\nrun: echo $TOKEN\n",
         )
     )  # fmt: skip
@@ -178,11 +178,22 @@ def test_variables_of_the_controller_are_named_and_never_read(tmp_path: Path, mo
     one = document(made)["services"]["a"]
     assert one["environment"] == {"TOKEN": None, "NOT_SET": None, "OTHER": None, "B": "1", "D": "it's"}
     assert one["env_file"] == ["./env/a.env"]
-    assert contents(made)["env/a.env"] == b"C='x $y'\n"
+    assert contents(made)["env/a.env"] == b"C='x y'\n"
     assert document(made)["services"]["b"]["build"] == {"context": "./build/b", "args": ["TOKEN"]}
     lines = contents(made)["build/b/Dockerfile"].decode().splitlines()
     assert lines[:3] == ["FROM debian:latest", "ARG TOKEN", 'ENV TOKEN="${TOKEN}"']
     assert "TOKEN is taken from the environment" in notes(made)["services.a.environment"]
+
+
+def test_no_reader_puts_a_variable_of_its_user_s_into_a_container(tmp_path: Path) -> None:
+    """podman-compose does, for `${NAME}` in an env_file: a stranger's container had any of those that he could name."""
+    text = "services:\n  a: {image: busybox, env_file: a.env}\n"
+    files = "A='${AWS_SECRET_ACCESS_KEY}'\nB=${TOKEN:-x}\nC='$HOME'\nD=\"a $ b\"\nE='c d'\n"
+    made = twin(experiment(tmp_path, text, a_dot_env=files))
+    assert contents(made)["env/a.env"] == b"E='c d'\n"
+    told = {"A": "${AWS_SECRET_ACCESS_KEY}", "B": "${TOKEN:-x}", "C": "$HOME", "D": "a $ b"}
+    written = {name: value.replace("$", "$$") for name, value in told.items()}
+    assert document(made)["services"]["a"]["environment"] == written
 
 
 def test_what_the_edf_says_wins_over_its_env_files(tmp_path: Path) -> None:
