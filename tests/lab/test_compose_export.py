@@ -127,6 +127,7 @@ services:
       - |
         until wget -q -O - http://web:8080/page.txt; do sleep 0.2; done
         cat /run/secrets/key /notes/seed.txt /own/a.txt
+        for one in /run/secrets/key /own/a.txt; do (echo >>$one) 2>/dev/null && echo writable; done
         echo $0 $HOME >/notes/written && cat /notes/written
         exec sleep 86400
       - $literal
@@ -145,7 +146,10 @@ stop_signal: SIGKILL
 def test_what_is_built_shipped_seeded_and_secret_is_there_with_compose_alone(
     lab: Lab, compose: str, tmp_path: Path
 ) -> None:
-    """An image of a CDF, a service of the robot's own network that knows another, a seed, a secret, a dollar."""
+    """An image of a CDF, a service of the robot's own network that knows another, a seed, a secret, a dollar.
+
+    Of what is in the export, the seed alone can be written to.
+    """
     files = {"notes/seed.txt": "the seed\n", "own/a.txt": "shipped\n", "page.txt": "the page\n", "key.txt": "never\n"}
     for name, text in {**files, "rich.edf": RICH, "web.cdf": CDF}.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
