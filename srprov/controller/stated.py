@@ -7,7 +7,8 @@ from collections.abc import Collection, Iterator
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.dockerfile import fetches, images_of
 from srprov.definitions.model import Service
-from srprov.modules.container_form import stands_on
+from srprov.definitions.nested import nested
+from srprov.modules.container_form import service_of, stands_on
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.image import ImageParams
 from srprov.modules.secret import SecretParams
@@ -27,6 +28,19 @@ def unstated(wants: Collection[Resource]) -> Iterator[Resource]:
             needed = {need.id for need in one.needs if need.condition == Condition.PRESENT.value}
             if not mounted <= stated & needed:
                 yield one
+
+
+def led_elsewhere(wants: Collection[Resource]) -> Iterator[str]:
+    """Say which mounts another container of the same robot may lead elsewhere, by a volume that both have.
+
+    `validate` refuses such an EDF. Replicas have volumes of their own, and those of `per_robot` are on robots apart.
+    """
+    services: dict[str, dict[str, Service]] = {}
+    for one in wants:
+        if isinstance(one.params, ContainerParams):
+            services.setdefault(one.host, {})[one.id] = service_of(one.params)
+    for some in services.values():
+        yield from (one.words for one in nested(some))
 
 
 def definition_of(name: str, dockerfile: str) -> ContainerDefinition:

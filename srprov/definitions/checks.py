@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 from srprov import names
 from srprov.codes import Code
-from srprov.definitions import discovery, endless, hostnames, relations, sharing
+from srprov.definitions import discovery, endless, hostnames, nested, relations, sharing
 from srprov.definitions.container import Container
 from srprov.definitions.containermodel import HealthCheck
 from srprov.definitions.model import Service
@@ -56,6 +56,7 @@ def check(
         _conditions(known[name], one, services, containers, findings)
     _pins(root, known, findings)
     sharing.check(known, services, findings)
+    nested.check(known, services, findings)
     hostnames.check(known, services, findings)
     relations.check(root, known, same_robot_groups(root), sharing.with_shared((), services), findings)
     discovery.check(root, services, findings)

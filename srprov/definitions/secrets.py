@@ -103,6 +103,11 @@ def with_secrets(service: Service, entry: Map, root: Map, findings: Findings) ->
     return replace(service, secrets=found)
 
 
+def target_of(item: Node) -> str:
+    """Return where a service has a secret, as an item of its `secrets` says."""
+    return _use(item).target
+
+
 def _uses(node: Node | None, root: Map, findings: Findings, path: Path) -> tuple[SecretUse, ...]:
     """Read a service's `secrets`, in the order written."""
     given = root.entries.get("secrets")
@@ -130,7 +135,7 @@ def _uses(node: Node | None, root: Map, findings: Findings, path: Path) -> tuple
 def _use(item: Node) -> SecretUse:
     if not isinstance(item, Map):
         return SecretUse(source=text(item), target=f"{_FOLDER}/{text(item)}", mode=_MODE)
-    name = text(item.entries["source"])
+    name = text(item.entries.get("source"))
     target = posixpath.normpath(posixpath.join(_FOLDER, text(item.entries.get("target"), name)))
     return SecretUse(source=name, target=target, mode=text(item.entries.get("mode"), _MODE).zfill(4))
 

@@ -246,4 +246,4 @@ def _check_process(name: str, want: ContainerParams, found: State) -> Change | N
     verb = {"paused": "unpause", "restarting": "restart"}.get(state, "start")
     command = EngineCall(method="POST", path=f"/containers/{name}/{verb}")
     cause = causes.get(state, f"state is {state or 'unknown'}")
-    return Change(action=Action.UPDATE, cause=cause, before=found, commands=(*looks(want), command))
+    return Change(action=Action.UPDATE, cause=cause, before=found, commands=(*looks(name, want), command))

@@ -60,13 +60,13 @@ def creation(name: str, want: ContainerParams, labels: Mapping[str, str] = Mappi
     create = EngineCall(
         method="POST", path="/containers/create", params=(("name", name),), body=canonical(body), accept=(201,)
     )
-    return (*looks(want), *folders, create)
+    return (*looks(name, want), *folders, create)
 
 
-def looks(want: ContainerParams) -> tuple[Command, ...]:
+def looks(name: str, want: ContainerParams) -> tuple[Command, ...]:
     """Return what looks where mounted paths lead, and where they go: links are followed each time that it starts."""
     paths = links_refused(str(m.get("Source")) for m in want.mounts if m.get("Type") == "bind")
-    return tuple(Run(script=script) for script in (paths, places_refused(want.mounts)) if script)
+    return tuple(Run(script=script) for script in (paths, places_refused(name, want.mounts)) if script)
 
 
 def stop(name: str, grace_s: float) -> EngineCall:

@@ -1,8 +1,10 @@
 """Where a container's mounts go that lie below a volume of its own: no link in the volume's data leads them elsewhere.
 
 Whoever mounts a container's files follows such a link within the container. With one in the place of `/data/logs` the
-volume that belongs there is mounted over `/bin`, and what lies in it is what the container runs. Who has written to
-the data decides that: a robot that the data was moved from, or another container with the volume.
+volume that belongs there is mounted over `/bin`, and what lies in it is what the container runs. No other service of
+the experiment may write to such a volume (`definitions.nested`), so a link is there already when the container is made:
+a robot that the data was moved from put it there, or a service as the experiment had it before. While a container of
+that one still runs, it could put one there at any moment.
 """
 
 from __future__ import annotations
@@ -23,13 +25,24 @@ _LOOK = """no_link() {
       "make a folder of it" >&2
     exit 1
   done
+}
+no_other_writes() {
+  # of a volume in each container that runs
+  writes='{{range .Mounts}}{{if .RW}}{{if eq .Name "'$2'"}}{{$.Name}} {{end}}{{end}}{{end}}'
+  for other in $(docker ps -q --filter "volume=$2" | xargs -r docker inspect --format "$writes" 2>/dev/null); do
+    [ "$other" != "/$1" ] || continue
+    echo "${other#/} may write to the volume $2, and would choose where what is mounted in it goes: apply again," \
+      "when that container is gone or made anew" >&2
+    exit 1
+  done
 }"""
 
 
-def places_refused(mounts: Iterable[Mapping[str, Any]]) -> str:
+def places_refused(name: str, mounts: Iterable[Mapping[str, Any]]) -> str:
     """Return a script that fails where a link in a volume's data is on the way to a mount below it; or nothing.
 
-    Takes a container's mounts in the engine's form. A volume that is not there yet has no data.
+    And where another container that runs may put one there. Takes a container's name, and its mounts in the engine's
+    form. A volume that is not there yet has no data.
     """
     at = {posixpath.normpath(f"/{str(one['Target']).lstrip('/')}"): one for one in mounts}
     ways: dict[str, dict[str, None]] = {}
@@ -39,7 +52,8 @@ def places_refused(mounts: Iterable[Mapping[str, Any]]) -> str:
             continue
         parts = posixpath.relpath(target, above).split("/")
         ways.setdefault(str(at[above]["Source"]), {}).update(dict.fromkeys(itertools.accumulate(parts, posixpath.join)))
-    lines = (f"no_link {' '.join(map(quote, (volume, *parts)))}" for volume, parts in sorted(ways.items()))
+    lines = [f"no_other_writes {quote(name)} {quote(volume)}" for volume in sorted(ways)]
+    lines += [f"no_link {' '.join(map(quote, (volume, *parts)))}" for volume, parts in sorted(ways.items())]
     return "\n".join([_LOOK, *lines]) if ways else ""
 
 

@@ -124,3 +124,29 @@ def test_data_that_is_moved_leads_no_other_mount_elsewhere(lab_of_module: Lab, t
         assert [line.split()[1] for line in mounted.splitlines()] == ["/d", "/d/logs"]
     finally:
         moving.destroy()
+
+
+def test_who_still_writes_to_a_volume_leads_no_mount_below_it_elsewhere(lab_of_module: Lab, tmp_path: Path) -> None:
+    """What `validate` refuses is not had on the way from one state of an EDF to the next one either."""
+    lab, path = lab_of_module, tmp_path / "still.edf"
+    inventory = part_of_lab(lab, ["robot1"], tmp_path / "lab.yml")
+    given = (str(path), "-i", inventory, "--yes")
+
+    def apply(cam: str, *planner: str) -> Done:
+        services = {
+            "cam": busybox(robot="robot1", volumes=[cam], depends_on=["planner"]),
+            "planner": busybox(robot="robot1", volumes=["data:/data", *planner]),
+        }
+        path.write_text(edf("still", services, placement={"slots_per_robot": 2}), encoding="utf-8")
+        return lab.srprov("apply", *given, "--settle", "0")
+
+    try:
+        assert apply("data:/data").code == 0
+        done = apply("data:/data", "logs:/data/logs")
+        assert done.code == 5 and "'cam' may write to" in done.err
+        done = apply("data:/data:ro", "logs:/data/logs")
+        assert done.code != 0 and "srprov.still.cam may write to the volume srprov.still.data" in done.out + done.err
+        lab.shell("robot1", "docker", "stop", "-t", "0", "srprov.still.cam")
+        assert apply("data:/data:ro", "logs:/data/logs").code == 0
+    finally:
+        lab.srprov("destroy", *given, "--volumes")

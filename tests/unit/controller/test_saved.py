@@ -286,6 +286,22 @@ def test_no_two_services_of_a_plan_file_have_one_address(
         check_file(replace(saved, plan=replace(saved.plan, steps=steps), also_wanted=also), "plan.json")
 
 
+@pytest.mark.parametrize("target", ["/data/logs", "//data/x/../a/b", "/data//logs"])
+def test_no_mount_of_a_plan_file_lies_below_what_another_service_writes_to(world: World, target: str) -> None:
+    """No EDF says so: by a link in the volume that service would choose where the container has the mount."""
+    below = (Mount(kind="volume", source="data", target="/data"), Mount(kind="tmpfs", source="", target=target))
+
+    def saved(*others: Mount, robot: str = "r1") -> PlanFile:
+        what = experiment(service("one", robot="r1", mounts=below), service("two", robot=robot, mounts=others))
+        return load(dump(kept_plan(planned(world, what))), "plan.json")
+
+    data = Mount(kind="volume", source="data", target="/d")
+    with pytest.raises(UsageError, match=r"in the volume 'data', which 'r1/container:srprov.hello.two' may write to"):
+        check_file(saved(data), "plan.json")
+    for fine in (saved(replace(data, read_only=True)), saved(), saved(data, robot="r2")):
+        check_file(fine, "plan.json")
+
+
 @pytest.mark.parametrize(
     ("name", "kind"), [("127.0.0.1:5000/x:1", "engine-fetch"), ("srprov/talker:0123456789abcdef", "built-image")]
 )

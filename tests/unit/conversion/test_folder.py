@@ -105,6 +105,19 @@ def test_what_does_not_validate_is_told_at_the_files_own_place(
     assert left(stack.parent) == ["stack"]
 
 
+def test_a_mount_below_what_another_service_writes_to_is_told_at_its_service(stack: Path) -> None:
+    """A folder that may be written becomes a volume of all that mount it."""
+    below = [*MOUNT["volumes"], {"type": "volume", "target": "/ws/node_modules"}]
+    services = {"a": {**IMAGE, "volumes": below}, "b": {**IMAGE, **MOUNT}}
+    found = draft(project(services), stack, out="../out")
+    with pytest.raises(Refused) as refused:
+        write(found, str(stack.parent / "out"), ["compose.yaml"])
+    (problem,) = refused.value.problems
+    assert (problem.path, problem.location.file) == ("services.a.volumes", str(stack / "compose.yaml"))
+    assert "'/ws/node_modules' lies in the volume" in problem.message and "'b' may write to" in problem.message
+    assert left(stack.parent) == ["stack"]
+
+
 def test_nothing_is_left_when_a_file_cannot_be_copied(stack: Path) -> None:
     os.mkfifo(stack / "config" / "pipe")
     found = draft(project({"a": {**IMAGE, **MOUNT}}), stack, out="../out")

@@ -10,6 +10,16 @@ import pytest
 
 from srprov.modules.mount_places import places_refused
 
+DOCKER = """#!/bin/sh
+for last; do :; done
+case $1 in
+  volume) [ -d "{0}/data/$last" ] && echo "{0}/data/$last" ;;
+  ps) [ ! -e "{0}/${{last#volume=}}.writers" ] || echo 0123456789ab ;;
+  inspect) cat "{0}"/*.writers ;;
+esac
+"""
+OWN = "srprov.x.planner"
+
 
 def volume(name: str, target: str) -> dict[str, Any]:
     return {"Type": "volume", "Source": name, "Target": target}
@@ -24,8 +34,7 @@ def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return where volumes lie, for a program that says so as Docker's does."""
     program = tmp_path / "bin" / "docker"
     program.parent.mkdir()
-    script = f'#!/bin/sh\nfor last; do :; done\nplace="{tmp_path}/data/$last"\n[ -d "$place" ] && echo "$place"\n'
-    program.write_text(script)
+    program.write_text(DOCKER.format(tmp_path))
     program.chmod(0o755)
     monkeypatch.setenv("PATH", f"{program.parent}:/usr/bin:/bin")
     (tmp_path / "data").mkdir()
@@ -33,7 +42,7 @@ def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def said(*mounts: dict[str, Any]) -> str:
-    done = subprocess.run(["sh", "-c", places_refused(mounts)], capture_output=True, text=True, check=False)
+    done = subprocess.run(["sh", "-c", places_refused(OWN, mounts)], capture_output=True, text=True, check=False)
     assert done.returncode in (0, 1) and bool(done.stderr) == bool(done.returncode)
     return done.stderr
 
@@ -76,9 +85,20 @@ def test_links_of_the_data_that_no_mount_goes_by_are_its_own(data: Path) -> None
     "mounts", [(), (volume("v", "/d"),), (volume("v", "/d"), bind("/dx/y")), (bind("/d"), volume("v", "/d/x"))]
 )
 def test_nothing_is_asked_where_no_mount_is_below_a_volume(mounts: tuple[dict[str, Any], ...]) -> None:
-    assert places_refused(mounts) == ""
+    assert places_refused(OWN, mounts) == ""
 
 
 def test_a_volume_that_is_not_there_has_no_data(data: Path) -> None:
     assert not (data / "v").exists()
     assert said(volume("v", "/d"), volume("w", "/d/x")) == ""
+
+
+@pytest.mark.parametrize(
+    ("writers", "refused"), [(f"/{OWN}", ""), (f"/{OWN} /srprov.x.cam", "srprov.x.cam"), ("/a", "a")]
+)
+def test_nobody_else_who_runs_may_put_a_link_there(data: Path, writers: str, refused: str) -> None:
+    """One that is stopped is made anew, or gone, before it could."""
+    (data.parent / "v.writers").write_text(writers)
+    words = said(volume("v", "/data"), volume("w", "/data/logs"))
+    assert words.startswith(f"{refused} may write to the volume v") if refused else words == ""
+    assert said(volume("u", "/data"), volume("w", "/data/logs")) == said(volume("v", "/data")) == ""
