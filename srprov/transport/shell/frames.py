@@ -25,6 +25,10 @@ _LONGEST_LINE = 4096
 """Characters of a line of progress."""
 _STATUS = re.compile(r"[0-9]{1,9}", re.ASCII)
 _PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin:/snap/bin"
+# Whole paths alone, and in order: an empty part of a PATH, or of a loader's, is the folder where somebody is, and root
+# reads in folders of containers. `export LD_LIBRARY_PATH=/usr/local/cuda/lib64:$LD_LIBRARY_PATH` leaves one.
+_WHOLE_PATHS = "p=; set -f; IFS=:; for d in $PATH; do case $d in /*) p=$p$d: ;; esac; done; set +f; unset IFS"
+_UNSET = "p d ENV BASH_ENV CDPATH LD_LIBRARY_PATH LD_PRELOAD LD_AUDIT"
 
 
 def ready_line(nonce: str) -> bytes:
@@ -73,7 +77,7 @@ def start_command(nonce: str, then: str, *, root: bool, mark: str = "", ask: boo
     """
     ready = f'printf "\\n%s ready\\n" {nonce}'
     # sudo resets PATH to its secure_path, so PATH is extended behind it; ENV and BASH_ENV would make sh read files.
-    setup = f'PATH="${{PATH:+$PATH:}}{_PATH}"; LC_ALL=C; export PATH LC_ALL; unset ENV BASH_ENV CDPATH; umask 022; cd /'
+    setup = f"{_WHOLE_PATHS}; PATH=$p{_PATH}; LC_ALL=C; export PATH LC_ALL; unset {_UNSET}; umask 022; cd /"
     if mark:
         setup = f"SRPROV_SESSION={mark}; export SRPROV_SESSION; {setup}"
     inner = f"{setup}; {ready}; exec {then}"

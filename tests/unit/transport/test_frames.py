@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
@@ -125,3 +126,24 @@ def test_start_command_in_each_login_shell(
     via, locale, *path, mask, cwd = after.decode().strip().split(":")
     assert (via, locale, mask, cwd) == ("" if root else "sudo", "C", "0022", "/")
     assert {"/usr/sbin", "/usr/local/bin", str(folder)} <= set(path) and "" not in path
+
+
+@pytest.mark.parametrize("path", ["", ":", ".:/usr/bin", "/usr/bin:", "/a b:x:/usr/bin:*:~/bin::/bin", "/usr/bin:/*"])
+@pytest.mark.parametrize("shell", SHELLS, ids=lambda one: one[0])
+def test_no_folder_where_root_reads_gives_it_programs_or_libraries(shell: list[str], path: str, tmp_path: Path) -> None:
+    """A container puts them in its volume, and waits until root enters that."""
+    loader = {name: f"/usr/local/cuda/lib64:{tmp_path}:" for name in ("LD_LIBRARY_PATH", "LD_AUDIT")}
+    bin_ = tmp_path / "bin"
+    bin_.mkdir()
+    (bin_ / "sh").symlink_to(shutil.which(shell[0]) or "")
+    applet = shell[1:2]  # busybox goes by its name
+    command = start_command(NONCE, "/usr/bin/env", root=True).removeprefix("exec ")
+    done = subprocess.run(
+        [shutil.which(shell[0]) or "", *applet, "-c", command.replace("sh -c", " ".join([f"{bin_}/sh", "-c"]), 1)],
+        capture_output=True, check=True, env={"PATH": path, **loader, "LD_PRELOAD": ""}, cwd=tmp_path,
+    )  # fmt: skip
+    found = dict(line.partition("=")[::2] for line in done.stdout.partition(ready_line(NONCE))[2].decode().splitlines())
+    parts = found["PATH"].split(":")
+    assert all(one.startswith("/") for one in parts) and parts[-7:][0] == "/usr/local/sbin"
+    assert parts[:-7] == [one for one in path.split(":") if one.startswith("/")]
+    assert not {name for name in found if name.startswith("LD_")} and {"p", "d"}.isdisjoint(found)
