@@ -129,14 +129,14 @@ def _out(
     from srprov.controller.copied import Copied
     from srprov.controller.copying import copy_out, raw_out
 
+    copied = Copied()
     if target == "-":
-        for piece in raw_out(session, container, source):
+        for piece in raw_out(session, container, source, copied):
             sys.stdout.buffer.write(piece)
             if lost(sys.stdout):
                 break  # main says so, unless the reader has seen enough
         sys.stdout.buffer.flush()
-        return 0
-    copied = Copied()
+        return _left_out(copied)
     with _shown(copied), _in_words():
         copy_out(session, container, source, target, copied, preserve=preserve, believed=believed)
     return _told(copied)
@@ -189,11 +189,16 @@ def _shown(copied: Copied) -> Iterator[None]:
 
 
 def _told(copied: Copied) -> int:
+    code = _left_out(copied)
+    err(f"{_amount(copied)} copied")
+    return code
+
+
+def _left_out(copied: Copied) -> int:
     for line in copied.left_out:
         err(f"left out: {line}")
     if copied.more_left_out:
         err(f"left out: {copied.more_left_out} more")
-    err(f"{_amount(copied)} copied")
     return FAILED if copied.lost else 0
 
 

@@ -2,7 +2,8 @@
 
 Takes pieces of a tar that a stranger's container, or the robot in between, filled; gives pieces of one that is written
 here, so that every reader has what was checked. It has one top, which has the name that the user copies; each further
-entry lies in folders that came before as folders, and comes once. So no link leads what follows it elsewhere.
+entry lies in folders that came before as folders, and comes once. So no link leads what follows it elsewhere. A device
+is left out: its number is another one's disk on another robot.
 
 Source: POSIX.1-2008, "pax Interchange Format".
 """
@@ -14,14 +15,13 @@ import tarfile
 from collections.abc import Iterator, Mapping
 
 from srprov.codes import Code
+from srprov.controller.copied import Copied
 from srprov.controller.copied_out import MOST_MEMBERS
 from srprov.errors import UsageError
 from srprov.transport.tar_stream import TarError, TarStream, parts_of, place_of
 
-_KINDS = (
-    tarfile.REGTYPE, tarfile.DIRTYPE, tarfile.SYMTYPE, tarfile.LNKTYPE, tarfile.CHRTYPE, tarfile.BLKTYPE,
-    tarfile.FIFOTYPE,
-)  # fmt: skip
+_DEVICES = (tarfile.CHRTYPE, tarfile.BLKTYPE)
+_KINDS = (tarfile.REGTYPE, tarfile.DIRTYPE, tarfile.SYMTYPE, tarfile.LNKTYPE, tarfile.FIFOTYPE, *_DEVICES)
 _TOPS = (tarfile.REGTYPE, tarfile.DIRTYPE)
 _KEPT = re.compile(r"uid|gid|mtime|uname|gname|SCHILY\.xattr\.[\w.-]{1,200}", re.ASCII)
 """Words of an extended header that are passed on; names and sizes are written anew."""
@@ -29,12 +29,13 @@ _NUMBERS = {"uid": re.compile("[0-9]{1,10}"), "gid": re.compile("[0-9]{1,10}"),
             "mtime": re.compile("-?[0-9]{1,12}([.][0-9]{1,9})?")}  # fmt: skip
 
 
-def passed_on(chunks: Iterator[bytes], name: str) -> Iterator[bytes]:
+def passed_on(chunks: Iterator[bytes], name: str, copied: Copied) -> Iterator[bytes]:
     """Yield a tar of what an engine sends.
 
     Args:
         chunks: Its tar: one file, or one folder with all below it.
         name: What that is called; empty: it is the root of a container.
+        copied: Is told what is left out.
 
     Raises:
         UsageError: The tar is none, or has an entry that lies elsewhere; what came before was passed on.
@@ -42,7 +43,11 @@ def passed_on(chunks: Iterator[bytes], name: str) -> Iterator[bytes]:
     tar, places = TarStream(chunks, most_members=MOST_MEMBERS, any_kind=True), _Places(name)
     try:
         for header in tar:
-            yield places.header(header)
+            written = places.header(header)
+            if header.type in _DEVICES:
+                copied.leave_out(header.name, "a device")
+                continue
+            yield written
             yield from tar.content()
             yield bytes(-header.size % tarfile.BLOCKSIZE)
     except TarError as error:
@@ -93,7 +98,7 @@ def _written(one: tarfile.TarInfo, kind: bytes, name: str, link: str) -> bytes:
     new = tarfile.TarInfo(name)
     new.type, new.linkname, new.size = kind, link, one.size
     new.mode, new.uid, new.gid, new.mtime = one.mode & 0o7777, max(0, one.uid), max(0, one.gid), max(0, one.mtime)
-    new.uname, new.gname, new.devmajor, new.devminor = one.uname, one.gname, max(0, one.devmajor), max(0, one.devminor)
+    new.uname, new.gname = one.uname, one.gname
     new.pax_headers = _words(one.pax_headers)
     try:
         return new.tobuf(tarfile.PAX_FORMAT, "utf-8", "surrogateescape")

@@ -138,15 +138,15 @@ def _repository_around(path: str) -> str:
     return next((one for one in below.split(os.sep) if one.casefold() in VERSION_CONTROL_IN_ANY_CASE), "")
 
 
-def raw_out(files: ContainerFiles, container: str, source: InService) -> Iterator[bytes]:
-    """Return a file or folder of a container as a tar, under the name that the user copies.
+def raw_out(files: ContainerFiles, container: str, source: InService, copied: Copied) -> Iterator[bytes]:
+    """Return a file or folder of a container as a tar, under the name that the user copies, but for devices.
 
     Raises:
         UsageError: It is not there.
         TransportError: The engine refuses, or it or the robot is gone.
     """
     path, _ = _found(files, container, source)
-    return passed_on(files.copy_out(container, path), posixpath.basename(source.path))
+    return passed_on(files.copy_out(container, path), posixpath.basename(source.path), copied)
 
 
 def copy_into(

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import functools
-import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from ipaddress import ip_address
 
 from srprov.controller.robot_files import is_record_path
 from srprov.modules.container_params import ContainerParams
@@ -111,16 +109,16 @@ def mixed_up(
 def misled(steps: Iterable[Resource], wants: Sequence[Resource], underlays: Mapping[str, str]) -> Iterator[Resource]:
     """Return the links that would send what is for one robot's services to another one, and units that restore such."""
     gateways = {want.host: want.params.gateway for want in wants if isinstance(want.params, NetworkParams)}
-    homes = {_end(link.bridge_mac): want.host for want in wants
+    homes = {link.bridge_mac: want.host for want in wants
              if isinstance(link := want.params, VxlanParams) and link.bridge_mac}  # fmt: skip
     # a service's comes last: a bridge that had the same would take what is for the service
-    homes |= {_end(one.network.mac): want.host for want in wants
+    homes |= {one.network.mac: want.host for want in wants
               if isinstance(one := want.params, ContainerParams) and one.network.mac}  # fmt: skip
     for want in steps:
         if not isinstance(link := want.params, VxlanParams):
             continue
         ends = gateways if link.netns else underlays
-        if any(ends.get(homes[_end(mac)]) != vtep for mac, vtep in link.fdb if _end(mac) in homes):
+        if any(ends.get(homes[mac]) != vtep for mac, vtep in link.fdb if mac in homes):
             yield want
 
 
@@ -135,22 +133,15 @@ def told_of_strangers(steps: Iterable[Resource], wants: Sequence[Resource]) -> I
                 yield want
 
 
-def _end(text: str) -> str:
-    """Return an address, or a MAC, in the one spelling of all that engines take it in."""
-    try:
-        address = ip_address(text)
-    except ValueError:
-        return ":".join(re.findall("..", re.sub("[^0-9a-f]", "", text.lower())))
-    return str(getattr(address, "ipv4_mapped", None) or address)
-
-
 def had_twice(wants: Sequence[Resource]) -> Iterator[str]:
-    """Say which services have one address or MAC: what is sent to the one of them would come to the other one."""
+    """Say who has one address or MAC with another one: what is sent to the one of them would come to the other."""
     found: dict[str, set[str]] = {}
     for want in wants:
         if isinstance(want.params, ContainerParams):
             for end in filter(None, (want.params.network.ip, want.params.network.mac)):
-                found.setdefault(_end(end), set()).add(want.params.service)
-    for end, services in sorted(found.items()):
-        if len(services) > 1:
-            yield f"{end}: {' and '.join(sorted(services))} would both have it"
+                found.setdefault(end, set()).add(want.params.service)
+        elif isinstance(want.params, NetworkParams):
+            found.setdefault(want.params.gateway, set()).add(f"the bridge on {want.host}")
+    for end, some in sorted(found.items()):
+        if len(some) > 1:
+            yield f"{end}: {' and '.join(sorted(some))} would both have it"

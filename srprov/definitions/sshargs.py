@@ -19,6 +19,7 @@ _COMMENT = re.compile(r"""(?:^|[\s'"])#""")
 _OF_HOST_KEYS = ("userknownhostsfile", "globalknownhostsfile")
 _BEGINS = (";", "|", "&", "(")
 _WORDS = re.compile(r"""[;|&(]|[^\s'";|&()<>]+""")
+_BELOW_HERE = re.compile(r"(?:.*[:=,])?\.\.?/")
 _ASSIGNS = re.compile(r"[A-Za-z_][A-Za-z0-9_]*=")
 _RUNS_A_FILE = re.compile(r"(?:\S*/)?(?:\.|source|env|exec|(?:ba|da|z|k)?sh|python[0-9.]*|perl|ruby|node)")
 _WHOLE = ("/", "~", "%d", "${")
@@ -63,6 +64,8 @@ def _runs_what_lies_here(command: str) -> bool:
     """Return whether a command runs a program by a relative path, or has a shell or an interpreter run a script."""
     begins, script = True, False
     for word in _WORDS.findall(command):
+        if _BELOW_HERE.match(word):
+            return True  # of whatever program: `timeout 30 ./jump.sh`, `socat - EXEC:./jump.sh`
         if word in _BEGINS:
             begins, script = True, False
         elif begins and _RUNS_A_FILE.fullmatch(word):

@@ -72,7 +72,7 @@ EDF: Table = MappingProxyType(
         "network.discovery_servers": (ADAPTED, "variables and files of the services"),
         "parameters": (ADAPTED, "variables with the first value of each, as `apply` does"),
         "trials": (DROPPED, _NO_TRIALS),
-        "results": (DROPPED, f"{_NO_TRIALS}; `docker compose cp` fetches files"),
+        "results": (DROPPED, f"{_NO_TRIALS}; what services write stays in their containers"),
         "metrics": (DROPPED, _NO_TRIALS),
         "volumes.*.seed": (ADAPTED, "a writable folder that holds it; Compose fills no volume from a folder"),
         "volumes.*.user": (ADAPTED, "the README says whom the folder must be given to"),

@@ -103,7 +103,7 @@ EDF: Table = MappingProxyType(
         "network.encryption": (REFUSED, "whether pods' traffic is encrypted is decided by the cluster's network"),
         "network.discovery": (ADAPTED, "variables and files of the services, with names for addresses"),
         "trials": (DROPPED, _NO_TRIALS),
-        "results": (DROPPED, f"{_NO_TRIALS}; `kubectl cp` fetches files"),
+        "results": (DROPPED, f"{_NO_TRIALS}; what services write stays in their pods"),
         "metrics": (DROPPED, _NO_TRIALS),
         "volumes.*.seed": (REFUSED, "a folder of a node is not filled"),
         "volumes.*.user": (REFUSED, "a folder of a node is given to nobody"),

@@ -67,7 +67,7 @@ EDF: Table = MappingProxyType(
         "network.encryption": (ADAPTED, "Swarm's own: IPsec between the robots"),
         "network.discovery": (ADAPTED, "variables and files of the services, with names for addresses"),
         "trials": (DROPPED, _NO_TRIALS),
-        "results": (DROPPED, f"{_NO_TRIALS}; `docker cp` fetches files"),
+        "results": (DROPPED, f"{_NO_TRIALS}; what services write stays in their containers"),
         "metrics": (DROPPED, _NO_TRIALS),
         "volumes.*.seed": (REFUSED, "Swarm fills no volume from a folder"),
         "volumes.*.user": (REFUSED, "Swarm gives no volume to a user"),

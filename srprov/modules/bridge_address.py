@@ -10,19 +10,16 @@ remembers where an address was before learns at once where it is now. ip-address
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Mapping, Sequence
-from ipaddress import IPv4Address
 from typing import Any
 
-from srprov.modules.params import ParameterError
+from srprov.modules.params import ParameterError, check_ipv4, check_mac
 from srprov.resource import State
 from srprov.untrusted import mappings, string
 from srprov.wire import quote
 
 _LABEL = ":s"
 """Behind the bridge's name, which a label must begin with; a label has 15 characters at most."""
-_MAC = re.compile(r"[0-9a-f]{2}(:[0-9a-f]{2}){5}")
 
 
 def check(mac: str, addresses: Collection[str]) -> None:
@@ -31,15 +28,14 @@ def check(mac: str, addresses: Collection[str]) -> None:
     Raises:
         ParameterError: Names the parameter.
     """
-    if mac and (not _MAC.fullmatch(mac) or int(mac[:2], 16) & 1):
-        raise ParameterError("bridge_mac", f"bridge_mac: '{mac[:40]}' is no MAC of an interface")
+    if mac:
+        check_mac(mac, "bridge_mac")
+    if mac and int(mac[:2], 16) & 1:
+        raise ParameterError("bridge_mac", f"bridge_mac: '{mac}' is no MAC of an interface")
     if addresses and not mac:
         raise ParameterError("bridge_mac", "bridge_mac: addresses need one, to be announced with")
     for address in addresses:
-        try:
-            IPv4Address(address)
-        except ValueError as error:
-            raise ParameterError("addresses", f"addresses: '{address[:40]}' is no IPv4 address") from error
+        check_ipv4(address, "addresses")
 
 
 def found(bridge: str, item: Mapping[str, Any]) -> dict[str, Any]:

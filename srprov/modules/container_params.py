@@ -10,7 +10,7 @@ import msgspec
 
 from srprov.definitions.containermodel import Runtime
 from srprov.modules import run_limits
-from srprov.modules.params import ParameterError
+from srprov.modules.params import ParameterError, check_ipv4, check_mac
 from srprov.published import ranges
 
 KEPT = frozenset({"ROS_STATIC_PEERS"})
@@ -27,6 +27,13 @@ class NetworkPlace(msgspec.Struct, frozen=True, kw_only=True):
     mac: str | None = None
     hash: str | None = None
     """Of what it depends on in the network."""
+
+    def __post_init__(self) -> None:
+        """Refuse an address in another spelling than one."""
+        if self.ip:
+            check_ipv4(self.ip, "network.ip")
+        if self.mac:
+            check_mac(self.mac, "network.mac")
 
 
 class ContainerParams(msgspec.Struct, frozen=True, kw_only=True):

@@ -13,6 +13,7 @@ import json
 import re
 import types
 from collections.abc import Mapping
+from ipaddress import IPv4Address
 from typing import Annotated, Any, Literal, NewType, TypeVar, Union, get_args, get_origin
 
 import msgspec
@@ -41,6 +42,9 @@ _JSON: dict[Any, tuple[type | tuple[type, ...], str]] = {
     Any: (object, "a value"),
 }
 """Type of a field -> what it is in JSON, in Python and in words."""
+
+
+_MAC = re.compile(r"[0-9a-f]{2}(:[0-9a-f]{2}){5}")
 
 
 class ParameterError(ValueError):
@@ -79,6 +83,20 @@ def check_text(text: str, at: str, *, nul: bool = False) -> str:
     if not text.isascii() and re.search("[\ud800-\udfff]", text):
         raise ParameterError(at, f"{at} holds half a character, which is no UTF-8")
     return text
+
+
+def check_mac(text: str, at: str) -> None:
+    """Refuse a MAC in another spelling than one: tools take several, and the same one twice must be seen."""
+    if not _MAC.fullmatch(text):
+        raise ParameterError(at, f"{at}: '{text[:40]}' is no MAC as '02:00:00:00:00:0a'")
+
+
+def check_ipv4(text: str, at: str) -> None:
+    """Refuse what is no IPv4 address in its one spelling."""
+    try:
+        IPv4Address(text)
+    except ValueError as error:
+        raise ParameterError(at, f"{at}: '{text[:40]}' is no IPv4 address") from error
 
 
 @functools.cache

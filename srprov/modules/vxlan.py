@@ -19,6 +19,7 @@ from srprov.modules import bridge_address
 from srprov.modules.ip_batch import batch
 from srprov.modules.isolated import ISOLATED, isolated
 from srprov.modules.module import Module, Names
+from srprov.modules.params import check_mac
 from srprov.modules.vxlan_fdb import entries_of, fdb_calls, known
 from srprov.modules.vxlan_rules import SOURCE_PORTS, closed_first
 from srprov.resource import Action, Change, Observed, State
@@ -56,6 +57,8 @@ class VxlanParams(msgspec.Struct, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         """Refuse what is no address: it goes into commands as it stands."""
         bridge_address.check(self.bridge_mac, self.addresses)
+        for mac, _ in self.fdb:
+            check_mac(mac, "fdb")
 
 
 class VxlanModule(Module[VxlanParams]):

@@ -113,7 +113,7 @@ class _Thin:
         if not target.classic:
             raise NotThin(f"the engine of {self._session.host} has no classic store")
         missing = target.missing(image)
-        unproved = _unproved(self._copy, image, target, self._session, self._source, self._sources.blobs.givers)
+        unproved = _unproved(self._copy, image, self._session, self._source, self._sources.blobs.givers)
         read = tuple(one for one in every if one in missing or one in unproved)
         return self._load(self._archive(image, store, read, missing), target.room)
 
@@ -173,17 +173,14 @@ class _Thin:
         return Reply(status=reply.status, out=f"sent {words}, {mib(archive.size)} MiB")
 
 
-def _unproved(
-    copy: CopyImage, image: Image, target: Target, session: Reader, source: Session, givers: Givers
-) -> frozenset[str]:
-    """Return the layers of an image that a robot has already, and the source never gave: it may have only named them.
+def _unproved(copy: CopyImage, image: Image, session: Reader, source: Session, givers: Givers) -> frozenset[str]:
+    """Return the layers of an image that the source never gave: it may only have named them.
 
     Those of the image that it was built on, as the robot has that, were named by its definition.
     """
     found = image_of(session, copy.base) if copy.base else None
     below = found.diff_ids if found and image.diff_ids[: len(found.diff_ids)] == found.diff_ids else ()
-    there = frozenset(image.diff_ids) - {*target.missing(image), *below}
-    return frozenset(one for one in there if not givers.gave(one, source.identity))
+    return frozenset(one for one in {*image.diff_ids} - {*below} if not givers.gave(one, source.identity))
 
 
 def _whole(
@@ -194,7 +191,8 @@ def _whole(
     if image is None:
         raise ForeignImage(f"its engine does not say what {copy.image} is")
     _check_architecture(image, copy)
-    wanted = Wanted(image, _unproved(copy, image, look_at(session), session, source, givers))
+    # also those that the robot does not seem to have: its engine keeps layers that no image lists, and gets new ones
+    wanted = Wanted(image, _unproved(copy, image, session, source, givers))
     chunks = source.save_image(copy.image, copy.timeout_s)
     pieces = Meter(copy.image, progress).count(only(chunks, copy.image, ids, wanted))
     reply = session.engine.client.load(pieces, copy.timeout_s, progress)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from srprov.controller.copied import Copied
 from srprov.controller.copied_raw import passed_on
 from srprov.errors import UsageError
 
@@ -38,7 +39,7 @@ def pieces(tar: bytes) -> Iterator[bytes]:
 
 def passed(tar: bytes, name: str = "map") -> list[tarfile.TarInfo]:
     """Return the entries of what is passed on."""
-    with tarfile.open(fileobj=io.BytesIO(b"".join(passed_on(pieces(tar), name)))) as read:
+    with tarfile.open(fileobj=io.BytesIO(b"".join(passed_on(pieces(tar), name, Copied())))) as read:
         return read.getmembers()
 
 
@@ -86,9 +87,18 @@ def test_what_readers_read_otherwise_is_written_anew() -> None:
     header = memoryview(tar)[1024:1536]
     header[345:350] = b"map/d"
     header[148:156] = b"%06o\0 " % (256 + sum(header[:148]) + sum(header[156:]))
-    got = b"".join(passed_on(pieces(bytes(tar)), "map"))
+    got = b"".join(passed_on(pieces(bytes(tar)), "map", Copied()))
     assert b"GNU" not in got and all(got[at + 257 : at + 263] == b"ustar\0" for at in (0, 512, 1024))
     assert [one.name for one in passed(bytes(tar))] == ["map", "map/d", "map/d/step.sh"]
+
+
+def test_no_device_is_passed_on_and_that_is_told() -> None:
+    """One of a robot that lies, with the number of another robot's disk, was in that one's volume."""
+    copied = Copied()
+    tar = made(TOP, ("map/disk", tarfile.BLKTYPE, ""), ("map/tty", tarfile.CHRTYPE, ""), ("map/f", FILE, ""))
+    with tarfile.open(fileobj=io.BytesIO(b"".join(passed_on(pieces(tar), "map", copied)))) as read:
+        assert read.getnames() == ["map", "map/f"]
+    assert copied.lost and copied.left_out == ["map/disk: a device", "map/tty: a device"]
 
 
 def test_an_honest_tar_says_the_same(tmp_path: Path) -> None:
@@ -106,6 +116,6 @@ def test_an_honest_tar_says_the_same(tmp_path: Path) -> None:
         for field in ("name", "type", "linkname", "size", "mode", "uid", "mtime"):
             assert getattr(was, field) == getattr(now, field), field
         assert now.pax_headers["SCHILY.xattr.user.a"] == "b" and "comment" not in now.pax_headers
-    with tarfile.open(fileobj=io.BytesIO(b"".join(passed_on(pieces(tar), "map")))) as read:
+    with tarfile.open(fileobj=io.BytesIO(b"".join(passed_on(pieces(tar), "map", Copied())))) as read:
         read.extractall(tmp_path, [one for one in read if one.isreg() or one.isdir()], filter="data")
     assert (tmp_path / "map" / long / long).read_text() == f"map/{long}/{long}"

@@ -380,7 +380,7 @@ def test_a_file_that_gets_shorter_while_it_is_sent_is_told(here: Path) -> None:
 def test_a_tar_goes_through_as_it_is(engine: Engine, here: Path) -> None:
     source, target = place("s:/out"), place("s:/latest")
     assert isinstance(source, InService) and isinstance(target, InService)
-    raw = b"".join(raw_out(engine, "c", source))
+    raw = b"".join(raw_out(engine, "c", source, Copied()))
     with tarfile.open(fileobj=io.BytesIO(raw)) as tar:
         assert "out/deep/run.sh" in tar.getnames()
     raw_into(engine, "c", iter([raw]), target)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -71,3 +72,10 @@ def test_a_service_has_the_same_run_time_fields_as_a_cdf(tool: str) -> None:
     for key, rule in table_of(tool, "cdf").items():
         if f"services.*.{key}" in services and key not in ("cdf", "image"):
             assert services[f"services.*.{key}"] == rule, key
+
+
+@pytest.mark.parametrize(("tool", "kind"), KINDS_OF_FILE)
+def test_no_program_is_named_that_fetches_whatever_a_container_has(tool: str, kind: str) -> None:
+    """A `.git` among results, whose settings name programs, ran them at the next `git status`."""
+    words = [rule[1] for rule in table_of(tool, kind).values() if len(rule) > 1]
+    assert words and not [one for one in map(str, words) if re.search(r"\bcp\b", one)]

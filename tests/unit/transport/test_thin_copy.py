@@ -26,7 +26,7 @@ from srprov.transport.image_source import ImageSources
 from srprov.transport.link_rate import Links
 from srprov.transport.options import ConnectOptions
 from srprov.wire import CopyImage, Query, Reply
-from tests.unit.transport.thin_world import CONTAINERD, InContainerd, Made, Robot, sha, tar_of
+from tests.unit.transport.thin_world import CONTAINERD, INFO, InContainerd, Made, Robot, sha, tar_of
 
 TAG = "srprov/x:1"
 BASE, TOP = os.urandom(400_000), os.urandom(90_000)
@@ -485,18 +485,27 @@ FALSE = {"junk": os.urandom(90_000), "nothing": b"", "its own name": sha(TOP).en
 
 @pytest.mark.parametrize("content", FALSE.values(), ids=FALSE.keys())
 @pytest.mark.parametrize("way", ["", "thin", "whole"])
-@pytest.mark.parametrize("there", ["secret", TAG + "0"])
+@pytest.mark.parametrize("silent", [False, True])
+@pytest.mark.parametrize("there", ["secret", "not listed"])
 def test_a_builder_that_names_what_the_robot_has_of_others_has_to_give_it_itself(
-    world: World, *, way: str, content: bytes, there: str
+    world: World, *, way: str, content: bytes, there: str, silent: bool
 ) -> None:
-    """The engine would take its own layer for what the builder named, and others got it from there, or a bundle."""
-    world.target.images[there] = IMAGE
+    """The engine would take its own layer for what the builder named, and others got it from there, or a bundle.
+
+    A builder that does not say which store it has gives it whole.
+    """
+    if there == "secret":
+        world.target.images[there] = IMAGE
+    else:
+        world.target.unlisted = [IMAGE]
+    if silent:
+        world.builder.info.clear()
     files = {f"{IMAGE.id[7:]}.json": IMAGE.config, "a": BASE, "b": content}
     listed = [{"Config": f"{IMAGE.id[7:]}.json", "RepoTags": [TAG], "Layers": ["a", "b"]}]
     world.builder.saved = tar_of({**files, "manifest.json": json.dumps(listed).encode()})
     reply = world.copy(way=way, base="none")
     assert not reply.ok and TAG not in world.target.images, reply
-    world.builder.saved = b""
+    world.builder.saved, world.builder.info = b"", dict(INFO)
     assert world.copy(way=way).ok and world.target.images[TAG].id == IMAGE.id
 
 

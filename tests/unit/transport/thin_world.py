@@ -100,6 +100,8 @@ class Robot:
         self.free_kib, self.shells, self.streamed, self.saves = 1 << 30, list[str](), list[int](), 0
         self.lost: set[str] = set()
         """Chains that the engine loses after it was looked at."""
+        self.unlisted: list[Made] = []
+        """Whose layers the engine keeps, as a container has them, and which it does not list any more."""
         self.engine = SimpleNamespace(client=SimpleNamespace(load=self._load))
         (self.folder / "bin").mkdir(parents=True)
         (self.folder / "bin/docker").write_text(_DOCKER, encoding="utf-8")
@@ -173,7 +175,7 @@ class Robot:
         """Do as moby's `image/tarexport/load.go`: layers that are there are not looked for in the archive."""
         with tarfile.open(fileobj=io.BytesIO(archive)) as read:
             files = {name: file.read() for name in read.getnames() if (file := read.extractfile(name))}
-        layers = {chain: layer for one in self.images.values()
+        layers = {chain: layer for one in (*self.images.values(), *self.unlisted)
                   for chain, layer in zip(chain_ids(one.diff_ids), one.layers, strict=True)
                   if chain not in self.lost}  # fmt: skip
         for entry in json.loads(files["manifest.json"]):
