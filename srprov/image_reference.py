@@ -22,6 +22,8 @@ _DIGEST = re.compile(r"sha256:[0-9a-f]{64}|sha512:[0-9a-f]{128}")
 _LONGEST = 255
 BUILT = "srprov/"
 """How the name of every image begins that srprov built, or took from a bundle."""
+BUNDLED = f"{BUILT}bundled:"
+"""How images from bundles are named, in these and on robots; the digits of their configurations' digests follow."""
 _PUBLIC = re.compile(r"(?:[a-z0-9-]+\.)+[a-z][a-z0-9-]*")
 _PRIVATE = (
     *(".localhost", ".local", ".localdomain", ".internal", ".home.arpa", ".test", ".invalid", ".onion"),

@@ -44,7 +44,7 @@ def draw(answer: Assignment, front: Sequence[Point], target: Path, form: str) ->
         from matplotlib.figure import Figure
     except ImportError as error:
         raise UsageError(
-            "pictures need matplotlib", hint="pip install 'srprov[plots]'", code=Code.NOT_INSTALLED
+            "pictures need matplotlib", hint="pip install 'matplotlib>=3.8'", code=Code.NOT_INSTALLED
         ) from error
     matplotlib.rcdefaults()  # a user's own `matplotlibrc` may run LaTeX (text.usetex) on names in an experiment
     matplotlib.rcParams["svg.hashsalt"] = "srprov"

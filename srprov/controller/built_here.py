@@ -12,11 +12,10 @@ from collections.abc import Collection, Mapping
 from srprov.codes import Code
 from srprov.controller.image_builders import counted
 from srprov.controller.plan import Planned
-from srprov.controller.request import BUNDLED
 from srprov.definitions.model import BUILDERS, Inventory
 from srprov.errors import UsageError
 from srprov.facts.model import native
-from srprov.image_reference import BUILT
+from srprov.image_reference import BUILT, BUNDLED
 from srprov.layers import Image
 from srprov.record.memory import built_for, known_images
 from srprov.session import Session

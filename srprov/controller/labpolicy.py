@@ -14,14 +14,13 @@ import msgspec
 from msgspec.structs import replace
 
 from srprov.codes import Code
-from srprov.controller.request import BUNDLED
 from srprov.controller.stated import definition_of
 from srprov.definitions.containermodel import Runtime
 from srprov.definitions.dockerfile import images_of, unclear
 from srprov.definitions.labpolicy import LabPolicy, load
 from srprov.definitions.model import Definitions, Inventory, Service
 from srprov.errors import RefusedError
-from srprov.image_reference import BUILT, parse_reference
+from srprov.image_reference import BUILT, BUNDLED, parse_reference
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.image import ImageParams
 from srprov.planning.plan import Plan, Step

@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from srprov.image_reference import BUILT
+from srprov.image_reference import BUNDLED
 
 if TYPE_CHECKING:
     from srprov.controller.owners import Owner
     from srprov.definitions.labpolicy import LabPolicy
     from srprov.definitions.playbookmodel import Playbook
 
-BUNDLED = f"{BUILT}bundled:"
-"""How images from bundles are named on robots; the digits of their configurations' digests follow."""
 SEARCH_LIMIT_S = 30.0
 """How long a search for the best placement may take before the best one found is used."""
 

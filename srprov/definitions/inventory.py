@@ -144,7 +144,7 @@ def _read_yaml(root: Node | None, path: str, tree: HostTree) -> None:
         message = f"an inventory is a map of groups, not {nodes.kind(root)}"
         raise DefinitionError([nodes.problem(root, message, "", "begin with all:", code=Code.INVENTORY)])
     if "plugin" in root.entries:
-        hint = "give what `ansible-inventory --list` prints, or a program that prints it"
+        hint = "write the hosts themselves; or name a program of your own that prints them, as JSON"
         message = "an inventory plugin's settings are no inventory"
         raise DefinitionError([nodes.problem(root.keys["plugin"], message, "", hint, code=Code.INVENTORY)])
     for name, group in root.entries.items():

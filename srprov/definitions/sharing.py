@@ -8,7 +8,6 @@ is the EDF's word: a CDF may be a stranger's, and names volumes as it likes.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from msgspec.structs import replace
@@ -29,13 +28,6 @@ def users(services: Mapping[str, Service]) -> dict[str, list[str]]:
         for source in sorted({mount.source for mount in service.runtime.mounts if mount.kind == "volume"}):
             found.setdefault(source, []).append(name)
     return {volume: names for volume, names in found.items() if len(names) > 1}
-
-
-def written_by_several(services: Mapping[str, Service]) -> frozenset[str]:
-    """Return the volumes that several services may write to."""
-    writers = ((name, one) for name, service in services.items() for one in service.runtime.mounts)
-    found = {(one.source, name) for name, one in writers if one.kind == "volume" and not one.read_only}
-    return frozenset(volume for volume, count in Counter(volume for volume, _ in found).items() if count > 1)
 
 
 def with_shared(groups: Groups, services: Mapping[str, Service]) -> Groups:

@@ -112,7 +112,7 @@ def of_run(images: Images, story: Story) -> Iterator[str]:
         yield f"{ABOUT} says that there are none"
     yield from _left_out(images.files, there, [*every.values()])
     for id_, one in sorted(there.items()):
-        if id_ in every and every[id_].names and not set(every[id_].names) <= set(one.names):
+        if id_ in every and every[id_].names and {*every[id_].names} != {*one.names}:
             yield f"the image {id_[:80]} is named {', '.join(one.names)[:200]}, and was {', '.join(every[id_].names)}"
 
 

@@ -12,14 +12,13 @@ from collections.abc import Iterator, Mapping
 import msgspec
 
 from srprov.codes import Code
-from srprov.controller.request import BUNDLED
 from srprov.errors import UsageError
 from srprov.evidence.checks_images import locked
 from srprov.evidence.compare_runs import Run
 from srprov.evidence.files import NotThere, content
 from srprov.evidence.grades import DIFFERENT, EQUIVALENT, IDENTICAL, UNKNOWN, Line
 from srprov.evidence.images import sbom_name, stored
-from srprov.image_reference import BUILT
+from srprov.image_reference import BUILT, BUNDLED
 from srprov.oci import sbom
 from srprov.untrusted import mapping
 

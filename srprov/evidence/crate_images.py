@@ -11,8 +11,8 @@ from srprov.evidence.crate_base import Entity, Told, file_id, image_id, ref
 from srprov.evidence.files import Files
 from srprov.evidence.images import LAYOUT, sbom_name, stored
 from srprov.evidence.story import Story
-from srprov.image_reference import BUILT, parse_reference
-from srprov.oci.layout import REF_NAME, Stored, sha256
+from srprov.image_reference import BUILT, BUNDLED, parse_reference
+from srprov.oci.layout import NAMES, REF_NAME, Stored, sha256
 
 
 def of_services(story: Story, files: Files) -> Mapping[str, Stored]:
@@ -61,6 +61,8 @@ def in_words(told: Told) -> str:
 or one by its name, `{REF_NAME}` in `{LAYOUT}index.json`, by
 
     skopeo copy oci:{LAYOUT[:-1]}:NAME docker-daemon:NAME
+
+They are called `{BUNDLED}DIGEST` then; what the experiment calls each is `{NAMES}` there. Verify the bundle before.
 {more}
 
 """

@@ -11,10 +11,9 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-from srprov.controller.request import BUNDLED
 from srprov.evidence.files import Files, NotThere, below, content, json_of
 from srprov.evidence.story import Story, attempt_folder
-from srprov.image_reference import BUILT
+from srprov.image_reference import BUILT, BUNDLED
 from srprov.oci.layout import LONGEST, Stored
 from srprov.oci.layout_read import Source
 from srprov.oci.layout_read import read as read_layout

@@ -14,7 +14,6 @@ from msgspec.structs import replace
 
 from srprov.codes import Code
 from srprov.definitions.model import EXPORTED, Experiment, Service
-from srprov.definitions.sharing import written_by_several
 from srprov.errors import DefinitionError, UsageError
 from srprov.exporting.images import Built, built
 from srprov.exporting.model import Export, File, Lent, Machine, Need, Part
@@ -46,8 +45,7 @@ def export(wanted: Wanted) -> Export:
     if problems := refused(fields):
         raise DefinitionError(problems)
     images = built(containers, wanted.listing, wanted.read, wanted.checkout, wanted.open)
-    several = written_by_several(experiment.services)
-    parts = [_machine(wanted, one, reach[one.robot], images, several) for one in machines]
+    parts = [_machine(wanted, one, reach[one.robot], images) for one in machines]
     remarks += chain.from_iterable(part.remarks for part in parts)
     lent = tuple(sorted(set(chain.from_iterable(part.lent for part in parts))))
     done = Export(
@@ -74,14 +72,12 @@ def _machines(experiment: Experiment, placed: Mapping[str, str]) -> Iterator[Mac
         yield Machine(robot=robot, services=tuple(sorted(name for name, at in placed.items() if at == robot)))
 
 
-def _machine(
-    wanted: Wanted, machine: Machine, reach: Reach, images: Mapping[str, Built], several: frozenset[str]
-) -> Part:
+def _machine(wanted: Wanted, machine: Machine, reach: Reach, images: Mapping[str, Built]) -> Part:
     """Return one machine's Compose file with all that belongs to it."""
     experiment, containers = wanted.definitions.experiment, wanted.definitions.containers
     around = Surroundings(
         experiment=experiment, machine=machine, reach=reach, open=wanted.open, env_files=wanted.env_files,
-        shipping=Shipping(experiment=experiment, machine=machine, shipped=wanted.shipped, several=several),
+        shipping=Shipping(experiment=experiment, machine=machine, shipped=wanted.shipped),
         images={key: one.image for key, one in containers.items() if one.image}, built=images,
         profiles=wanted.profiles, platforms={key: one.platforms for key, one in containers.items()},
     )  # fmt: skip

@@ -36,8 +36,6 @@ class Shipping(msgspec.Struct, frozen=True, kw_only=True):
     experiment: Experiment
     machine: Machine
     shipped: Shipped
-    several: frozenset[str]
-    """Volumes that several services may write to."""
     copied: dict[str, str] = msgspec.field(default_factory=dict)
     """Place in the export -> the path that was copied there."""
 
@@ -58,7 +56,7 @@ class Shipping(msgspec.Struct, frozen=True, kw_only=True):
         if mount.kind == "tmpfs":
             return Part(document={"tmpfs": f"{mount.target}:{mount.options}".rstrip(":")})
         if mount.kind == "volume" and mount.seed is None:
-            return volume(self.several, service, mount, _long("volume", mount.source, mount))
+            return volume(service, mount, _long("volume", mount.source, mount))
         if mount.seed is not None:
             return self._seeded(service, mount, mount.seed)
         if mount.kind == "bind":
@@ -174,18 +172,16 @@ class Shipping(msgspec.Struct, frozen=True, kw_only=True):
         )
 
 
-def volume(several: frozenset[str], service: Service, mount: Mount, entry: dict[str, Any]) -> Part:
-    """Return a mount of a named volume, which no image fills where its service cannot, or another one may, write to it.
+def volume(service: Service, mount: Mount, entry: dict[str, Any]) -> Part:
+    """Return a mount of a named volume, which no image fills.
 
     An engine would: the image's files are for those who may write there, and a container that runs with an empty volume
-    leads the engine elsewhere by links while it is filled for another one.
+    leads the engine elsewhere by links while it is filled for another one. Compose and Swarm make the next container of
+    a service while the one before it runs.
     """
-    shared = mount.source in several
-    if not (mount.read_only or shared):
-        return Part(document={"volume": entry})
-    words = "it begins empty for each: no image fills a volume that several services may write to"
-    said = (Remark(path=_field(service, "volumes"), kind=ADAPTED, words=f"'{mount.source}': {words}"),)
-    return Part(document={"volume": {**entry, "volume": {"nocopy": True}}}, remarks=said if shared else ())
+    words = f"'{mount.source}': it begins empty: an image fills it for `apply` alone"
+    said = (Remark(path=_field(service, "volumes"), kind=ADAPTED, words=words),)
+    return Part(document={"volume": {**entry, "volume": {"nocopy": True}}}, remarks=() if mount.read_only else said)
 
 
 def _field(service: Service, name: str) -> tuple[str, ...]:

@@ -46,16 +46,21 @@ def _needs(export: Export) -> Iterator[str]:
 def _start(export: Export) -> Iterator[str]:
     yield "## Start"
     yield ""
+    # a builder would ask git of the folder around, which may be a stranger's, with settings that run programs
+    builds = any("build" in file.path.split("/")[:-1] for file in export.files)
+    order = "    BUILDX_GIT_INFO=0 docker compose up -d" if builds else "    docker compose up -d"
     for one in export.machines:
         if not one.robot:
             yield "All services run on this machine:"
-            yield from ("", "    docker compose up -d", "")
-            return
-        yield f"On {plain(one.robot)}, for {', '.join(one.services)}: copy the folder there, and in it"
-        yield from ("", "    docker compose up -d", "")
+        else:
+            yield f"On {plain(one.robot)}, for {', '.join(one.services)}: copy the folder there, and in it"
+        yield from ("", order, "")
     if len(export.machines) > 1:
         yield "Compose knows one machine: start them in the order in which services need each other."
         yield ""
+    yield "Before you bring changes, or build anew, `docker compose down`: Compose would make a container while the one"
+    yield "before it runs, which can lead the engine to files of this machine while an image fills its own volumes."
+    yield ""
 
 
 def _lent(export: Export) -> Iterator[str]:

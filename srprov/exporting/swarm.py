@@ -17,7 +17,6 @@ from msgspec.structs import replace
 
 from srprov.codes import Code
 from srprov.definitions.model import Experiment
-from srprov.definitions.sharing import written_by_several
 from srprov.errors import DefinitionError, UsageError
 from srprov.exporting import cluster
 from srprov.exporting.images import built
@@ -61,7 +60,6 @@ def export(wanted: Wanted) -> Export:
             **tags,
         },
         addresses=_addresses(wanted, experiment),
-        several=written_by_several(experiment.services),
     )  # fmt: skip
     parts = {one.name: stack.part(one) for one in services}
     remarks = [*_remarks(wanted), *chain.from_iterable(part.remarks for part in parts.values())]

@@ -49,8 +49,6 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True):
     """CDF's key -> its image."""
     addresses: Mapping[str, str]
     """Service on its robot's own network -> the robot's address, for services of the overlay."""
-    several: frozenset[str]
-    """Volumes that several services may write to."""
 
     def part(self, service: Service) -> Part:
         """Return a service, its configs, and what is to be said of it."""
@@ -130,7 +128,7 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True):
             size = cluster.tmpfs_size(mount)
             return Part(document={"volume": _tmpfs(mount.target, size[0] * _UNITS[size[1]] if size else None)})
         if mount.kind == "volume":
-            return volume(self.several, service, mount, _long("volume", mount.source, mount))
+            return volume(service, mount, _long("volume", mount.source, mount))
         if mount.kind == "bind":
             refused = (
                 "Swarm makes no folder: make it, and leave `create_host_path` out" if mount.create_host_path else ""

@@ -12,13 +12,13 @@ import hashlib
 import itertools
 import json
 import re
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import msgspec
 
-from srprov.image_reference import Reference, parse_reference
+from srprov.image_reference import BUNDLED
 from srprov.untrusted import string
 
 MARK, INDEX, DOCKER = "oci-layout", "index.json", "manifest.json"
@@ -102,52 +102,36 @@ def blob(digest: str) -> str:
     return BLOBS + digest.removeprefix("sha256:")
 
 
-def tags(images: Sequence[Stored]) -> dict[str, str]:
-    """Return digest of a configuration -> the one tag by which its image is found in the layout, by skopeo and Docker.
+def tag(config_id: str) -> str:
+    """Return the one tag by which an image is found in the layout, by skopeo and Docker.
 
-    It is the first of its names; where several images have one, the architecture and a part of the digest follow.
+    It says nothing but what the image is: whoever loads a layout would have the names in it moved to what is there.
     """
-    wanted = {one.id: _tag(one) for one in images}
-    often = Counter(wanted.values())
-    return {
-        one.id: wanted[one.id] if often[wanted[one.id]] == 1 else f"{wanted[one.id]}-{one.architecture}-{one.id[7:19]}"
-        for one in images
-    }
-
-
-def _tag(one: Stored) -> str:
-    try:
-        reference = parse_reference(one.names[0])
-    except (ValueError, IndexError):
-        return f"srprov/image:{one.id[7:19]}"
-    if reference.digest:
-        reference = Reference(reference.domain, reference.path, tag=reference.digest[7:19])
-    return reference.familiar
+    return BUNDLED + config_id.removeprefix("sha256:")
 
 
 def documents(images: Sequence[Stored]) -> dict[str, bytes]:
     """Return path -> content of all that is not a layer; images in the order of their configurations' digests."""
     images = sorted(images, key=lambda one: one.id)
-    named = tags(images)
     found: dict[str, bytes] = {}
     entries, listed = [], []
     for one in images:
         manifest = one.manifest
         found |= {blob(one.id): one.config, blob(sha256(manifest)): manifest}
         found |= {blob(sha256(data)): data for data in one.documents}
-        entries.append(_index_entry(one, manifest, named[one.id]))
+        entries.append(_index_entry(one, manifest))
         layers = [blob(layer.digest) for layer in one.layers]
-        listed.append({"Config": blob(one.id), "RepoTags": [named[one.id]], "Layers": layers})
+        listed.append({"Config": blob(one.id), "RepoTags": [tag(one.id)], "Layers": layers})
     found[MARK] = as_json({"imageLayoutVersion": VERSION})
     found[INDEX] = as_json({"schemaVersion": 2, "mediaType": INDEX_TYPE, "manifests": entries})
     found[DOCKER] = as_json(listed)
     return {path: found[path] for path in sorted(found)}
 
 
-def _index_entry(one: Stored, manifest: bytes, tag: str) -> dict[str, Any]:
+def _index_entry(one: Stored, manifest: bytes) -> dict[str, Any]:
     return {
         "mediaType": MANIFEST_TYPE, "digest": sha256(manifest), "size": len(manifest), "platform": one.platform,
-        "annotations": {REF_NAME: tag, ENGINE_IDS: " ".join(one.engine_ids), NAMES: " ".join(one.names)},
+        "annotations": {REF_NAME: tag(one.id), ENGINE_IDS: " ".join(one.engine_ids), NAMES: " ".join(one.names)},
     }  # fmt: skip
 
 

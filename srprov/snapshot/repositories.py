@@ -13,6 +13,7 @@ import binascii
 import itertools
 import posixpath
 import re
+import shlex
 from collections.abc import Iterator, Mapping
 
 import msgspec
@@ -29,6 +30,8 @@ MOST = 100
 """Repositories of a robot."""
 MOST_PATCHES = 4 << 20
 """Bytes of all patches of a robot."""
+CLONES = "/srv/clones"
+"""Where somebody puts clones of what a robot has by itself, on the machine that runs srprov."""
 _LONGEST_PATH = 400
 _FOUND = re.compile(r"([0-9]{1,10}) ([a-z]) (/.*)", re.DOTALL)
 _ODD = {
@@ -172,9 +175,11 @@ def fetchable(url: str, subject: str, notes: Notes) -> str:
         notes.lost(subject, f"its remote is of a kind that is not fetched from ({scheme[0] if scheme else 'a path'})")
         return ""
     if address.scheme == "file":
-        notes.adapted(
-            subject, f"its remote {address.path} is a folder of the robot: bring it to this machine, same path"
-        )
+        # not at the same path: a robot may name any, also of a repository that is the user's own here
+        here = CLONES + address.path
+        clone = f"git clone --bare ssh://ROBOT{shlex.quote(address.path)} {shlex.quote(here)}"
+        notes.adapted(subject, f"its remote {address.path} is a folder of the robot: {clone}, which the CDF names")
+        return f"file://{here}"
     return address.url
 
 

@@ -127,8 +127,9 @@ def check_docker_load(lab: Lab, bundle: Path, folder: Path, wanted: dict[str, st
     subprocess.run(["tar", "-C", str(folder / "images"), "-cf", str(there), "."], check=True)
     lab.shell(READER, "sh", "-c", "docker load -i /tmp/layout.tar && rm /tmp/layout.tar")
     loaded = images(lab, READER)
-    assert set(loaded.values()) == set(wanted.values()) and loaded["judge:1"] == wanted["referee"]
-    assert lab.shell(READER, "docker", "run", "--rm", "--network=none", "judge:1", "cat", "/law").out == "law\n"
+    assert loaded == {f"srprov/bundled:{one[7:]}": one for one in wanted.values()}
+    judge = f"srprov/bundled:{wanted['referee'][7:]}"
+    assert lab.shell(READER, "docker", "run", "--rm", "--network=none", judge, "cat", "/law").out == "law\n"
 
 
 def test_a_robot_that_makes_another_image_under_our_tag_brings_it_to_no_other(lab: Lab, tmp_path: Path) -> None:
@@ -167,7 +168,8 @@ def test_skopeo_takes_an_image_of_a_bundle(empty: Lab, tmp_path: Path) -> None:
         == 0
     )
     unpack(bundle, tmp_path)
-    words = ["skopeo", "copy", f"oci:{tmp_path}/images:judge:1", f"docker-archive:{tmp_path}/judge.tar:judge:1"]
+    name = f"srprov/bundled:{ids(first.home)['referee'][7:]}"
+    words = ["skopeo", "copy", f"oci:{tmp_path}/images:{name}", f"docker-archive:{tmp_path}/judge.tar:judge:1"]
     subprocess.run(words, check=True)
     shutil.copyfile(tmp_path / "judge.tar", root(lab, READER) / "tmp/judge.tar")
     lab.shell(READER, "sh", "-c", "docker load -i /tmp/judge.tar && rm /tmp/judge.tar")

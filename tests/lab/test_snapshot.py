@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import base64
+import shutil
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import yaml
 from jsonschema import Draft202012Validator
 
 from srprov import data
+from srprov.snapshot.repositories import CLONES
 from tests.lab import by_hand
 from tests.lab.by_hand import PACKAGE, PASSWORD, TOKEN, WORKSPACE
 from tests.lab.conftest import Done, Lab, part_of_lab
@@ -41,7 +44,9 @@ def notes(document: dict[str, object], kind: str) -> list[str]:
     return [f"{note['subject']}: {note['words']}" for note in found if note["kind"] == kind]
 
 
-def test_a_robot_that_was_set_up_by_hand_becomes_an_experiment(hand: Lab, tmp_path: Path) -> None:
+def test_a_robot_that_was_set_up_by_hand_becomes_an_experiment(
+    hand: Lab, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
     """Its containers and its host, with what could not be captured; the passwords are in no output."""
     repository = tmp_path / "code"
     commit = by_hand.set_up(hand, ROBOT, repository, tmp_path)
@@ -84,7 +89,12 @@ def test_a_robot_that_was_set_up_by_hand_becomes_an_experiment(hand: Lab, tmp_pa
         cdf["base"] == "debian:bookworm" and "git" in cdf["packages"]["apt"] and PACKAGE not in cdf["packages"]["apt"]
     )
     places = {one["path"]: one for one in cdf["repositories"]}
-    assert places[WORKSPACE] == {"git": f"file://{repository}", "ref": commit, "path": WORKSPACE}
+    # a path of the robot's choice would be this machine's own folder
+    clone = Path(f"{CLONES}{repository}")
+    assert places[WORKSPACE] == {"git": f"file://{clone}", "ref": commit, "path": WORKSPACE}
+    assert f"git clone --bare ssh://ROBOT{repository} {clone}" in str(notes(done.json, "adapted"))
+    request.addfinalizer(lambda: shutil.rmtree(f"{CLONES}{tmp_path}", ignore_errors=True))
+    subprocess.run(["git", "clone", "-q", "--bare", str(repository), str(clone)], check=True)
     assert places["/usr/src/srprov-pip/by-hand"]["ref"] == commit
     patch = (folder / ROBOT / "patches" / "0.patch").read_text(encoding="utf-8")
     assert "+speed: 2" in patch and "login.yaml" not in patch

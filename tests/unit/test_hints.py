@@ -15,6 +15,8 @@ COMMAND = re.compile(
 """What a shell would run, or what is added to that, up to a place where something is put in."""
 WHOLE_PATH = re.compile(r"\b(realpath|abspath|absolute|resolve)\(")
 """What gives a path from the root, wherever it stands in a hint: it is there to be named in a command."""
+OBEYS = re.compile(r"ansible-inventory|ansible-playbook|docker (compose )?cp|kubectl cp|pip install '?srprov")
+"""Programs that do what files of the folder, or of a container, say; and a package that anybody could register."""
 CLOSED = {
     "os.geteuid()": "a number",
     "name": "of an image, and checked: see `images.hint`",
@@ -72,3 +74,11 @@ def test_a_place_without_quotes_is_seen() -> None:
         "name that: x{os.path.realpath(path)}"
     ]
     assert list(unquoted('raise E("x", hint=f"name that: {option}{quote(os.path.realpath(path))}")')) == []
+
+
+def test_no_hint_runs_a_program_on_what_a_stranger_wrote() -> None:
+    """`ansible-inventory` in a project's folder runs what its `ansible.cfg` names, as the user."""
+    pages = sorted((Path(__file__).resolve().parents[2] / "srprov" / "explaining").glob("*.yml"))
+    assert len(pages) > 3
+    found = [str(path) for path in (*SOURCES, *pages) if OBEYS.search(path.read_text(encoding="utf-8"))]
+    assert found == []

@@ -14,7 +14,7 @@ from srprov.codes import Code
 from srprov.errors import RefusedError, UsageError
 
 _MOST_BYTES = 8 << 20
-_INSTALL = "pip install 'srprov[dask]', here and at each site"
+_INSTALL = "pip install 'distributed>=2026.1', here and at each site"
 _CONFIGURATION = "look at the files in ~/.config/dask: is each of them YAML with `name: value` at its top?"
 
 

@@ -204,7 +204,7 @@ def test_without_matplotlib_the_extra_is_named(
     """Everything else works without it."""
     monkeypatch.setitem(__import__("sys").modules, "matplotlib", None)
     assert assign("--svg", "a.svg") == 5
-    assert "pip install 'srprov[plots]'" in capsys.readouterr().err
+    assert "pip install 'matplotlib>=3.8'" in capsys.readouterr().err
 
 
 def test_without_services_there_is_no_picture(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -121,9 +121,7 @@ def test_the_readme_says_what_may_lie_there_and_finds_it(folder: Path) -> None:
 def test_nothing_of_an_export_can_be_written_to_that_is_not_asked_for(folder: Path, mount: Mount) -> None:
     """Whatever is mounted of it: what is shipped is read-only, and all else is told."""
     experiment = read("e.edf", frozenset()).definitions.experiment
-    ships = Shipping(
-        experiment=experiment, machine=Machine(robot="", services=()), shipped=lambda _: (), several=frozenset()
-    )
+    ships = Shipping(experiment=experiment, machine=Machine(robot="", services=()), shipped=lambda _: ())
     service = experiment.services["planner"]
     for one in (mount, replace(mount, read_only=True)):
         with_it = replace(service, runtime=replace(service.runtime, mounts=(one,)))

@@ -63,14 +63,17 @@ def test_images_are_in_it_as_a_layout_that_docker_loads_too(imaged: Path, conten
     index = json.loads(content["images/index.json"])
     assert json.loads(content["images/oci-layout"]) == {"imageLayoutVersion": "1.0.0"}
     names = {one["annotations"]["org.opencontainers.image.ref.name"]: one for one in index["manifests"]}
-    assert set(names) == {"runner:1", "judge:latest"}
-    manifest = json.loads(content["images/blobs/sha256/" + names["runner:1"]["digest"][7:]])
+    own = {one: f"srprov/bundled:{one.id[7:]}" for one in (RUNNER, JUDGE)}
+    assert set(names) == {*own.values()}, "whoever loads them has no name moved that he has"
+    said = {key: one["annotations"]["srprov.image.names"] for key, one in names.items()}
+    assert said == {own[RUNNER]: "runner:1", own[JUDGE]: "judge:latest"}
+    manifest = json.loads(content["images/blobs/sha256/" + names[own[RUNNER]]["digest"][7:]])
     assert manifest["config"]["digest"] == RUNNER.id
     layers = [gzip.decompress(content["images/blobs/sha256/" + one["digest"][7:]]) for one in manifest["layers"]]
     assert layers == list(RUNNER.layers)
     listed = json.loads(content["images/manifest.json"])
     assert {one["RepoTags"][0]: one["Config"] for one in listed} == {
-        "runner:1": f"blobs/sha256/{RUNNER.id[7:]}", "judge:latest": f"blobs/sha256/{JUDGE.id[7:]}",
+        own[one]: f"blobs/sha256/{one.id[7:]}" for one in (RUNNER, JUDGE)
     }  # fmt: skip
     base = {one for one in content if one.startswith("images/blobs/")}
     assert len(base) == 3 + 2 * 2  # the base is there once
@@ -296,13 +299,14 @@ def _long_names(index: dict[str, Any], _content: Content) -> None:
     index["manifests"][0]["annotations"]["srprov.image.names"] = "\x1b[2J"
 
 
-def _named(index: dict[str, Any], content: Content) -> None:
+def _named(index: dict[str, Any], _content: Content) -> None:
     """All of it follows, but the name."""
     index["manifests"][0]["annotations"]["srprov.image.names"] = "busybox:1"
-    index["manifests"][0]["annotations"]["org.opencontainers.image.ref.name"] = "busybox:1"
-    listed = json.loads(content["images/manifest.json"])
-    listed[0]["RepoTags"] = ["busybox:1"]
-    content["images/manifest.json"] = oci.as_json(listed)
+
+
+def _named_besides(index: dict[str, Any], _content: Content) -> None:
+    """It has a name that no container of the run had, too."""
+    index["manifests"][0]["annotations"]["srprov.image.names"] += " busybox:1"
 
 
 LAYOUTS: dict[str, tuple[Callable[[dict[str, Any], Content], None], str]] = {
@@ -365,6 +369,8 @@ def test_two_files_of_one_name_are_no_bundle(content: Content, tmp_path: Path) -
 def test_images_that_no_container_had_are_found(content: Content, tmp_path: Path) -> None:
     named = failed(verify(str(packed(relaid(content, _named), tmp_path / "a.zip"))))
     assert any("is named busybox:1" in one for one in named["I3"])
+    more = failed(verify(str(packed(relaid(content, _named_besides), tmp_path / "b.zip"))))
+    assert any(", busybox:1, and was" in one for one in more["I3"])
     swapped = {name: data.replace(RUNNER.id.encode(), sha(b"?").encode()) if "containers" in name or "journal" in name
                else data for name, data in content.items()}  # fmt: skip
     strange = failed(verify(str(packed(forged(swapped), tmp_path / "b.zip"))))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
 import pytest
 
@@ -13,7 +12,6 @@ from srprov.controller import compose
 from srprov.controller.robots_words import at_home
 from srprov.definitions.expand import expand
 from srprov.errors import DefinitionError, UsageError
-from srprov.exporting import convert
 from srprov.exporting.model import Export
 from tests.unit.exporting.exports import classes, contents, document, experiment, notes, twin
 
@@ -122,14 +120,6 @@ def test_each_robot_has_only_what_it_needs(tmp_path: Path) -> None:
         "r2/files/www/i",
     ]  # fmt: skip
     assert document(made, "r2")["services"]["b"]["volumes"][0]["source"] == "./files/www"
-
-
-def test_who_writes_where_is_looked_up_once_for_all_robots(tmp_path: Path) -> None:
-    """It takes all services; for each robot anew, a large fleet took the square of the time."""
-    text = "services: {a: {image: x, network: none}, b: {image: x, network: none}}"
-    with mock.patch.object(convert, "written_by_several", wraps=convert.written_by_several) as asked:
-        made = on_robots(experiment(tmp_path, text), {"a": "r1", "b": "r2"})
-    assert len(made.machines) == 2 and asked.call_count == 1
 
 
 @pytest.mark.parametrize("kind", ["static-peers", "ros1", "discovery-server", "zenoh"])

@@ -95,7 +95,7 @@ def test_every_run_time_field_has_compose_s_form(tmp_path: Path) -> None:
     assert devices == [{"count": "all", "capabilities": ["gpu"]}]
     assert (one["restart"], one["pull_policy"]) == ("on-failure:3", "always")
     assert one["environment"] == {"A": "010", "B": "yes", "C": "$$x"}
-    assert {"type": "volume", "source": "data", "target": "/data"} in one["volumes"]
+    assert {"type": "volume", "source": "data", "target": "/data", "volume": {"nocopy": True}} in one["volumes"]
     assert made["volumes"] == {"data": {}}
 
 
@@ -224,28 +224,33 @@ def test_secrets_are_places_and_never_values(tmp_path: Path, monkeypatch: pytest
     assert "secrets/cert" not in contents(made)
 
 
-def test_an_image_fills_no_volume_that_its_service_reads_alone(tmp_path: Path) -> None:
-    """An engine fills an empty one from the image, whoever may write there, and another service may run that."""
-    edf = experiment(tmp_path, "services: {a: {image: x, volumes: ['ws:/ws:ro', 'own:/own']}}")
-    (stack,) = documents(on_cluster("swarm", edf), "01-stack.yml")
-    for made in (document(twin(edf)), stack):
-        alone, own = made["services"]["a"]["volumes"]
-        assert (alone["read_only"], alone["volume"], own.get("volume")) == (True, {"nocopy": True}, None)
+def test_an_image_fills_no_volume_of_an_export(tmp_path: Path) -> None:
+    """An engine fills an empty one from the image, for who reads it alone, too; and while another container runs.
 
-
-def test_no_image_fills_a_volume_that_several_services_write_to(tmp_path: Path) -> None:
-    """One that runs would lead the engine elsewhere meanwhile, by links in the place of folders still to come."""
+    That one leads the engine elsewhere by links in the place of folders still to come: one of another service, or the
+    one of the same service that was there before, as Compose and Swarm make the next one while it runs.
+    """
     edf = experiment(
-        tmp_path, "services: {a: {image: x, volumes: ['ws:/a', 'own:/own']}, b: {image: x, volumes: ['ws:/b']}}"
+        tmp_path,
+        "services: {a: {image: x, volumes: ['ws:/ws:ro', 'own:/own', 'all:/a']}, b: {image: x, volumes: ['all:/b']}}",
     )
     made, cluster = twin(edf), on_cluster("swarm", edf)
     (stack,) = documents(cluster, "01-stack.yml")
     for one in (document(made), stack):
-        shared, own = one["services"]["a"]["volumes"]
-        assert (shared["volume"], own.get("volume")) == ({"nocopy": True}, None)
-        assert one["services"]["b"]["volumes"][0]["volume"] == {"nocopy": True}
-    told = [field for field in made.fields if "no image fills a volume" in field.words]
+        mounts = [mount for service in one["services"].values() for mount in service["volumes"]]
+        assert len(mounts) == 4 and all(mount["volume"] == {"nocopy": True} for mount in mounts)
+    told = [field for field in made.fields if "it begins empty" in field.words]
     assert {field.name for field in told} == {"services.a.volumes", "services.b.volumes"}
+    assert "docker compose down" in contents(made)["README.md"].decode()
+
+
+def test_no_builder_asks_git_of_the_folder_around_an_export(tmp_path: Path) -> None:
+    """It may be a stranger's repository, with settings that run programs; buildx asks unless it is told."""
+    edf = experiment(tmp_path, "services: {a: {cdf: a.cdf}}", a_dot_cdf="cdf: 1\nbase: busybox\n")
+    readme = contents(twin(edf))["README.md"].decode()
+    assert readme.count("docker compose up") == readme.count("BUILDX_GIT_INFO=0 docker compose up") == 1
+    script = contents(on_cluster("swarm", edf))["build.sh"].decode()
+    assert "export BUILDX_GIT_INFO=0" in script.partition("docker build")[0]
 
 
 def test_shipped_files_seeds_and_homes(tmp_path: Path) -> None:

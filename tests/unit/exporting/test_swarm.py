@@ -72,7 +72,7 @@ def test_every_field_that_swarm_can_do_has_its_form(tmp_path: Path) -> None:
         },
     }
     assert {"type": "tmpfs", "target": "/dev/shm", "tmpfs": {"size": 64 << 20}} in one["volumes"]
-    assert {"type": "volume", "source": "data", "target": "/data"} in one["volumes"]
+    assert {"type": "volume", "source": "data", "target": "/data", "volume": {"nocopy": True}} in one["volumes"]
     assert made["volumes"] == {"data": {"name": "srprov_demo_data"}}
     assert one["environment"]["B"] == "$$x"
     assert not {"mem_limit", "cpus", "shm_size", "restart", "privileged", "devices", "pull_policy"} & one.keys()
