@@ -18,14 +18,23 @@ from srprov.untrusted import mapping, parse_json
 
 LONGEST = 4 << 20
 """Bytes of the list."""
+KEPT_OUT = "*\n!.gitignore\n"
+"""What an export's `.gitignore` says beside the files of secrets that somebody puts there."""
 _MARKS = (("events.jsonl", "environment.json"), ("journal.jsonl", "trials"))
 """Names that stand together in the folder of a run, and in that of trials or of their bundle."""
 
 
 def is_record(folder: str) -> bool:
-    """Return whether a folder is a record, or the user's folder for state, in which records and tokens lie."""
+    """Return whether a folder is a record, one of an export's secrets, or the user's folder for state and tokens."""
     there = (all(os.path.lexists(os.path.join(folder, name)) for name in names) for names in _MARKS)
-    return any(there) or os.path.realpath(folder) == os.path.realpath(place().parent)
+    return any(there) or _has_secrets(folder) or os.path.realpath(folder) == os.path.realpath(place().parent)
+
+
+def _has_secrets(folder: str) -> bool:
+    try:
+        return regular_file.read(os.path.join(folder, ".gitignore"), len(KEPT_OUT)) == KEPT_OUT.encode()
+    except OSError:
+        return False
 
 
 def record_of(path: str, top: str = os.sep, is_one: Callable[[str], bool] = is_record) -> str:

@@ -137,7 +137,8 @@ ROOMS: Mapping[str, Room] = {
     ),
     # Compose files of an experiment: as values, but for the one file that writes them into a folder.
     "exporting": room(
-        "believed codes errors plain_tar tree_links definitions facts.model images network planning.graver yamldoc"
+        "believed codes errors own_records plain_tar tree_links definitions facts.model images network planning.graver"
+        " yamldoc"
     ),
     # Images as files of strangers: nothing is opened, nothing of them is run.
     "oci": room("image_reference layers untrusted"),

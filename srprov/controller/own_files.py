@@ -37,7 +37,7 @@ from srprov.planning.policy import permissions
 COPIED_FIRST = ("git", "outside")
 """Kinds of permission without which nothing is copied: what is fetched, and files that are not the experiment's."""
 _NO_ROBOTS = Inventory(hosts={}, groups={})
-_RECORD = "it is srprov's own record"
+_RECORD = "it is srprov's own record, or what it keeps secrets in"
 _ANYBODY = "the experiment"
 """Whose a file is that is read as a definition: its blank makes it no service's name."""
 

@@ -25,9 +25,9 @@ from srprov.exporting.services import Surroundings
 from srprov.exporting.text import dump
 from srprov.exporting.wanted import Wanted
 from srprov.network.discovery import discovery_of
+from srprov.own_records import KEPT_OUT
 
 COMPOSE, README = "compose.yml", "README.md"
-_KEEP_OUT = "*\n!.gitignore\n"
 
 
 def export(wanted: Wanted) -> Export:
@@ -147,7 +147,7 @@ def _secrets(experiment: Experiment, machine: Machine) -> Part:
         said = f"what `{shlex.join(source.command)}` prints" if source.command else "its file"
         what = f"The value of the secret '{name}': in the EDF it is {said}. Only its reader should be able to read it."
         needs.append(Need(kind="file", name=place, what=what))
-    keep_out = File(path=f"{machine.folder}secrets/.gitignore", content=_KEEP_OUT.encode())
+    keep_out = File(path=f"{machine.folder}secrets/.gitignore", content=KEPT_OUT.encode())
     files = (keep_out,) if any(one.kind == "file" for one in needs) else ()
     return Part(document=document, files=files, needs=tuple(needs))
 

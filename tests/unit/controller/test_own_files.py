@@ -34,6 +34,7 @@ from srprov.definitions.lockfile import Lock, dump
 from srprov.definitions.model import Inventory
 from srprov.errors import DefinitionError, RefusedError
 from srprov.facts.gather import Gathering
+from srprov.own_records import KEPT_OUT
 from srprov.record import RunFolder
 from srprov.secret import Vault
 from tests.fakes import World
@@ -200,6 +201,22 @@ def test_records_of_applies_and_srprov_s_own_folder_are_asked_for(here: Path, mo
         record.put("environment.json", lambda: "{}")
     Path("e.edf").write_text(EDF.replace("SHIPS", 'volumes: [".:/ws"]').replace("MORE", ""))
     assert asked() == [("a", "runs/one"), ("a", "state/srprov")]
+
+
+def test_secrets_of_an_export_beside_an_edf_are_asked_for(here: Path) -> None:
+    """Its README has the user put them there; a service that mounts `.` got them when the EDF named them no more."""
+    Path("inventory.yml").write_text("all: {hosts: {r1: {}}}\n")
+    secrets = Path("twin/secrets")
+    secrets.mkdir(parents=True)
+    (secrets / ".gitignore").write_text(KEPT_OUT)
+    (secrets / "db").write_text("value")
+    for ships, wanted in (
+        (".:/ws", ["twin/secrets"]),
+        ("./twin/secrets/db:/db", ["twin/secrets"]),
+        ("./parts:/ws", []),
+    ):
+        Path("e.edf").write_text(EDF.replace("SHIPS", f'volumes: ["{ships}"]').replace("MORE", ""))
+        assert sorted({path for _, path in asked()} - {"inventory.yml"}) == wanted, ships
 
 
 def test_an_experiment_that_lies_in_a_record_has_its_files(here: Path) -> None:
