@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -67,7 +68,9 @@ def environment(given: _Given, project: Project, at: Path) -> dict[str, Any]:
     path = (*at, "environment")
     for name in sorted(name for name, value in found.items() if value is None):
         words = f"'{name}' has no value: it is left out"
-        project.notes.adapted((*path, name), words, f"--set {name}=VALUE, or a bare {name} in the experiment's file")
+        project.notes.adapted(
+            (*path, name), words, f"--set {shlex.quote(name)}=VALUE, or a bare {name} in the experiment's file"
+        )
     own = project.notes.normal.position_of(at).file
     for name in (name for name, value in found.items() if value and _SECRET.search(name)):
         if project.notes.normal.position_of((*path, name)).file != own:

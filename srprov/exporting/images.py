@@ -24,10 +24,13 @@ from srprov.images.dockerfile import FieldErrors
 from srprov.images.plan import ContextFile
 from srprov.images.tag import Checkouts, generated, repository_of, tailored
 
-_OF_BUILDERS = frozenset({"dockerfile", "containerfile", "dockerfile.dockerignore", ".containerignore"})
+_OF_BUILDERS = frozenset({
+    "dockerfile", "containerfile", "dockerfile.dockerignore", ".containerignore", "dockerfile.rego",
+})  # fmt: skip
 """What builders look for at the top of a folder beside `.dockerignore`, some of them first; a disk may take any case.
 
-A folder is none. Source: buildah's DiscoverContainerfile and ContainerIgnoreFile, podman-compose, Docker's `build -f`.
+A folder is none. Source: buildah's DiscoverContainerfile and ContainerIgnoreFile, podman-compose, Docker's `build -f`;
+Docker's "Build policies": buildx evaluates `Dockerfile.rego` on this machine, and that chooses what is built on.
 """
 _HASH_LENGTH = 32
 _WHY = "a builder would go by it, and nobody looked at it"

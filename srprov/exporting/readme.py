@@ -10,8 +10,12 @@ from srprov.definitions.model import Experiment
 from srprov.errors import visible
 from srprov.exporting.model import EXACT, Export
 
-_LOOK = r"find {} \! -type d \! -type f -o -type f -links +1 -o -perm /6000 -o -name '.?*' -o -name HEAD"
-"""Links by either name, devices, pipes; what runs as somebody else; what programs read by themselves, and git's own."""
+_LOOK = (
+    r"find {} \! -type d \! -type f -o -type f -links +1 -o -perm /6000 -o -name '.?*' -o -name HEAD"
+    r" -o -name '_*' -o -name CVS"
+)
+"""Links by either name, devices, pipes; what runs as somebody else; what programs read by themselves, and version
+control's own."""
 
 
 def readme(experiment: Experiment, export: Export, start: Iterable[str] | None = None) -> str:
@@ -77,7 +81,8 @@ def _lent(export: Export) -> Iterator[str]:
     yield "or a repository whose settings `git status` runs. So use no `git`, editor or build in it, and do not copy it"
     yield "(`scp -r`, `cp -rL`, `zip`), before you have looked, with the containers gone:"
     yield from ("", *(f"    {_LOOK.format(shlex.quote(f'./{place}'))}" for place in places), "")
-    yield "What that lists, and the seed did not have, is the container's: leave it alone, or remove the whole folder."
+    yield "What that, or `getcap -r`, lists and the seed did not have is the container's: leave it alone, or remove the"
+    yield "whole folder."
     yield ""
 
 

@@ -127,8 +127,9 @@ def _thing(kind: str, at: int) -> Use:
             json.dumps({key: str(value) for key, value in one.state.items()})
             if kind == "vxlan":
                 want = VxlanParams(
-                    instance="a", vni=1, local="192.0.2.1", port=4789, bridge="b", mtu=1400, fdb=(("0", "192.0.2.2"),)
-                )
+                    instance="a", vni=1, local="192.0.2.1", port=4789, bridge="b", mtu=1400,
+                    fdb=(("00:00:00:00:00:00", "192.0.2.2"),),
+                )  # fmt: skip
                 change = MODULES[kind].check(one.name, want, one.state)
                 assert change is None or len(change.cause) < 300_000
 

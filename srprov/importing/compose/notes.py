@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Iterator, Sequence
 
 from srprov.importing.compose.finish import services
@@ -60,7 +61,7 @@ def of_project(tree: Value, written: dict[Position, str]) -> Iterator[Note]:
                 message = (
                     f"service '{name}': {variable} has no value; Compose would take it from its caller's environment"
                 )
-                yield Note(value.place, message, f"give one: --set {variable}=VALUE")
+                yield Note(value.place, message, f"give one: --set {shlex.quote(variable)}=VALUE")
             elif value.data != (text := written.get(value.at, value.data)):
                 message = (
                     f"service '{name}': {variable} is '{value.data}' to Compose, since '{text[:60]}' is a number to it"

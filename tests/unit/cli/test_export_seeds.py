@@ -101,11 +101,12 @@ def test_the_readme_says_what_may_lie_there_and_finds_it(folder: Path) -> None:
     (left / "a" / ".git").mkdir(parents=True)
     (left / "bare").mkdir()
     (left / "bare" / "HEAD").write_text("ref: refs/heads/main\n")
+    (left / "_darcs").mkdir()
     os.mkfifo(left / "pipe")
     (left / "hard").hardlink_to(left / "plain" / "b.pgm")
     found = subprocess.run(look, shell=True, cwd=folder / "out", capture_output=True, check=True, text=True).stdout
     names = {re.sub("^./volumes/maps/", "", line) for line in found.splitlines()}
-    assert names == {"notes.txt", "tool", "a/.git", "bare/HEAD", "pipe", "hard", "plain/b.pgm"}
+    assert names == {"notes.txt", "tool", "a/.git", "bare/HEAD", "_darcs", "pipe", "hard", "plain/b.pgm"}
 
 
 @pytest.mark.parametrize(

@@ -45,7 +45,9 @@ def test_a_link_that_is_called_so_is_left_out(tool: str, tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("tool", ["compose", "swarm", "kubernetes"])
-@pytest.mark.parametrize("name", ["Containerfile", "containerfile", "dockerfile", "Dockerfile.dockerignore"])
+@pytest.mark.parametrize(
+    "name", ["Containerfile", "containerfile", "dockerfile", "Dockerfile.dockerignore", "Dockerfile.rego"]
+)
 def test_nothing_is_exported_that_a_builder_takes_before_that(tool: str, name: str, tmp_path: Path) -> None:
     """podman and podman-compose look for a Containerfile first, and Docker for a file of what it does not send."""
     edf = experiment(tmp_path, TEXT, **FILES)
