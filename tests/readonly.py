@@ -37,7 +37,9 @@ _OPERATORS = ("&&", "||", ";;", "<<", ">>", ">&", "<&", "<>", ">|", ";", "&", "|
 _KEYWORDS = {"if", "then", "elif", "else", "fi", "do", "done", "while", "until", "!", "{", "}"}
 _RULING = {"PATH", "ENV", "BASH_ENV", "LD_PRELOAD", "LD_LIBRARY_PATH", "IFS"}
 """Variables that decide which programs a name means."""
-_OUR_PATH = "PATH=${PATH:+$PATH:}/usr/local/sbin:"
+_OUR_PATH = "PATH=$p/usr/local/sbin:"
+"""`p` has the whole paths of what was there."""
+_SEPARATORS = ("IFS=", "IFS=:", "IFS=/")
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
@@ -176,7 +178,7 @@ def commands(script: str) -> Iterator[list[Word]]:
             if (
                 token.text.partition("=")[0] in _RULING
                 and not token.text.startswith(_OUR_PATH)
-                and token.text != "IFS="
+                and token.text not in _SEPARATORS
             ):
                 current = [Word("export"), token]
             continue
@@ -331,7 +333,9 @@ _DIAL = ["system", "dial-stdio"]
 READS: dict[str, Callable[[Sequence[str]], bool]] = {
     **dict.fromkeys((*_BUILTINS.split(), *_PROGRAMS.split()), _anything),
     "command": lambda words: list(words[:1]) == ["-v"],
-    "set": lambda words: list(words[:1]) == ["--"] or set(words) <= {"-e", "-u"},  # behind `--`: the shell's own words
+    "set": lambda words: (
+        list(words[:1]) == ["--"] or set(words) <= {"-e", "-u", "-f", "+f"}
+    ),  # behind `--`: the shell's own words
     "export": _only("PATH", "LC_ALL", "SRPROV_SESSION"),
     "date": _date,
     "sed": _sed,

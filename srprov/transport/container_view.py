@@ -125,9 +125,13 @@ def about(inspected: object) -> About:
     )
 
 
+_SRPROVS = ("/var/lib/srprov/", "/run/srprov/")
+"""Below which srprov keeps what containers read alone: trees, data sets and secrets."""
+
+
 def volumes(one: About) -> list[str] | None:
     """Return the volumes of a container; None: it has a path of the robot's, of which nobody knows who else has it."""
-    given = [mount for mount in one.mounts if mount.at not in _OWN_FILES]
+    given = [mount for mount in one.mounts if mount.at not in _OWN_FILES and not mount.source.startswith(_SRPROVS)]
     return sorted({mount.volume for mount in given}) if all(mount.volume for mount in given) else None
 
 
