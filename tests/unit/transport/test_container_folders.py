@@ -257,7 +257,8 @@ CHOICES: dict[str, tuple[Callable[[World], object], str, str]] = {
         lambda w: (w.inspected["Mounts"].pop(), setattr(w, "status", "exited"), setattr(w, "having", '[{"Id":"x"}]')),
         "/data", "folder"),
     "it does not run, and reads what srprov keeps": (
-        lambda w: (w.inspected["Mounts"][1].update(Source="/run/srprov/x/key"), setattr(w, "status", "exited")), "/w", ""),
+        lambda w: (w.inspected["Mounts"][1].update(Source="/run/srprov/x/key"), setattr(w, "status", "exited")),
+        "/w", ""),
     "it does not run, and has a bind": (lambda w: setattr(w, "status", "exited"), "/w", "it does not run, and others"),
     "it restarts": (lambda w: setattr(w, "status", "restarting"), "/data", "folder"),
     "another store": (lambda w: w.inspected.update(GraphDriver=None), "/w", "have no folder on the robot"),
