@@ -98,6 +98,11 @@ def parse_reference(text: str) -> Reference:
     return Reference(domain, path, tag or ("" if digest else "latest"), digest)
 
 
+def bundled_name(config_id: str) -> str:
+    """Return how an image of a bundle is named, by the digest of its configuration: it cannot be another image's."""
+    return BUNDLED + config_id.removeprefix("sha256:")
+
+
 def is_of_a_build(name: str) -> bool:
     """Return whether a name is one that srprov gives to what it builds; what is none is no such name."""
     try:

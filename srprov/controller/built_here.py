@@ -15,7 +15,7 @@ from srprov.controller.plan import Planned
 from srprov.definitions.model import BUILDERS, Inventory
 from srprov.errors import UsageError
 from srprov.facts.model import native
-from srprov.image_reference import BUILT, BUNDLED
+from srprov.image_reference import BUILT, BUNDLED, bundled_name
 from srprov.layers import Image
 from srprov.record.memory import built_for, known_images
 from srprov.session import Session
@@ -65,7 +65,7 @@ def check(names: Collection[str], engine_id: str, config: Image, known: Mapping[
     """
     for name in sorted(one for one in names if one.startswith(BUILT)):
         if name.startswith(BUNDLED):
-            right = config.id == f"sha256:{name.removeprefix(BUNDLED)}"
+            right = name == bundled_name(config.id)
         else:
             some = [ids for arch, ids in known.get(name, {}).items() if config.architecture in native(arch)]
             ids = {one for each in some for one in each}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from srprov.image_reference import BUNDLED
+from srprov.image_reference import bundled_name
 
 if TYPE_CHECKING:
     from srprov.controller.owners import Owner
@@ -28,8 +28,8 @@ class BundledImage(msgspec.Struct, frozen=True):
 
     @property
     def name(self) -> str:
-        """Return its name on robots: it cannot be another image's."""
-        return BUNDLED + self.id.removeprefix("sha256:")
+        """Return its name on robots."""
+        return bundled_name(self.id)
 
 
 class PlanRequest(msgspec.Struct, frozen=True, kw_only=True):

@@ -18,7 +18,7 @@ from typing import Any
 
 import msgspec
 
-from srprov.image_reference import BUNDLED
+from srprov.image_reference import bundled_name
 from srprov.untrusted import string
 
 MARK, INDEX, DOCKER = "oci-layout", "index.json", "manifest.json"
@@ -102,14 +102,6 @@ def blob(digest: str) -> str:
     return BLOBS + digest.removeprefix("sha256:")
 
 
-def tag(config_id: str) -> str:
-    """Return the one tag by which an image is found in the layout, by skopeo and Docker.
-
-    It says nothing but what the image is: whoever loads a layout would have the names in it moved to what is there.
-    """
-    return BUNDLED + config_id.removeprefix("sha256:")
-
-
 def documents(images: Sequence[Stored]) -> dict[str, bytes]:
     """Return path -> content of all that is not a layer; images in the order of their configurations' digests."""
     images = sorted(images, key=lambda one: one.id)
@@ -121,7 +113,7 @@ def documents(images: Sequence[Stored]) -> dict[str, bytes]:
         found |= {blob(sha256(data)): data for data in one.documents}
         entries.append(_index_entry(one, manifest))
         layers = [blob(layer.digest) for layer in one.layers]
-        listed.append({"Config": blob(one.id), "RepoTags": [tag(one.id)], "Layers": layers})
+        listed.append({"Config": blob(one.id), "RepoTags": [bundled_name(one.id)], "Layers": layers})
     found[MARK] = as_json({"imageLayoutVersion": VERSION})
     found[INDEX] = as_json({"schemaVersion": 2, "mediaType": INDEX_TYPE, "manifests": entries})
     found[DOCKER] = as_json(listed)
@@ -129,9 +121,11 @@ def documents(images: Sequence[Stored]) -> dict[str, bytes]:
 
 
 def _index_entry(one: Stored, manifest: bytes) -> dict[str, Any]:
+    # one that says what the image is: whoever loads a layout would have the names in it moved to what is there
+    name = bundled_name(one.id)
     return {
         "mediaType": MANIFEST_TYPE, "digest": sha256(manifest), "size": len(manifest), "platform": one.platform,
-        "annotations": {REF_NAME: tag(one.id), ENGINE_IDS: " ".join(one.engine_ids), NAMES: " ".join(one.names)},
+        "annotations": {REF_NAME: name, ENGINE_IDS: " ".join(one.engine_ids), NAMES: " ".join(one.names)},
     }  # fmt: skip
 
 

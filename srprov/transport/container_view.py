@@ -24,6 +24,8 @@ from srprov.wire import quote
 MENDED = (29, 5, 1)
 _OWN_FILES = {"/etc/hosts": "HostsPath", "/etc/hostname": "HostnamePath", "/etc/resolv.conf": "ResolvConfPath"}
 """What an engine mounts into each container that was started, and what it calls that."""
+_SRPROVS = ("/var/lib/srprov/", "/run/srprov/")
+"""Below which srprov keeps what containers read alone: trees, data sets and secrets."""
 _AT_REST = ("created", "exited", "dead")
 _MOST_MOUNTS = 1000
 _REMAPPED = re.compile(r"/[0-9]+\.[0-9]+/containers/", re.ASCII)
@@ -123,10 +125,6 @@ def about(inspected: object) -> About:
         read_only=mapping(found.get("HostConfig")).get("ReadonlyRootfs") is True,
         remapped=any(_REMAPPED.search(path) for path in paths.values()),
     )
-
-
-_SRPROVS = ("/var/lib/srprov/", "/run/srprov/")
-"""Below which srprov keeps what containers read alone: trees, data sets and secrets."""
 
 
 def volumes(one: About) -> list[str] | None:
