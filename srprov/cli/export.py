@@ -218,5 +218,7 @@ def _tell(made: Export, target: Path, *, as_json: bool) -> None:
     out("\n".join(report_lines(made)))
     for need in made.needs:
         out(visible(f"you must give the {need.kind} {need.name}: {need.what}"))
+        if need.command:
+            out(visible(f"  in the export: {need.command}"))
     files = dict.fromkeys(f"{one.folder}{one.file}" for one in made.machines)
     out(f"{target}: {', '.join(files)}, and {counted(len(made.files) - len(files), 'file')} beside")

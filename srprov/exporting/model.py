@@ -47,6 +47,8 @@ class Need(msgspec.Struct, frozen=True, kw_only=True, order=True):
     """Path in the export's folder, or name of the variable."""
     what: str
     """One sentence."""
+    command: str = ""
+    """What a shell runs for it in the export's folder, with what a stranger wrote in quotes."""
 
 
 class Lent(msgspec.Struct, frozen=True, kw_only=True, order=True):

@@ -13,6 +13,7 @@ import errno
 import os
 import posixpath
 from collections.abc import Callable, Sequence
+from shlex import quote
 from typing import Any
 
 import msgspec
@@ -105,12 +106,14 @@ class Shipping(msgspec.Struct, frozen=True, kw_only=True):
     def _downloaded(self, service: Service, mount: Mount) -> Part:
         name = mount.target.rpartition("/")[2]
         place = self._place(f"data/{mount.sha256[:12]}-{name}", mount.url)
-        what = f"Download {mount.url}; its sha256 is {mount.sha256}."
+        what = f"Download it; its sha256 is {mount.sha256}."
+        # an address may hold what ends a command for a shell, such as `&`
+        command = f"curl --create-dirs --fail --globoff --location --output {quote(place)} {quote(mount.url)}"
         words = f"{place} is not in the export: the README says where to download it"
         return replace(
             self._of_export(service, place, mount),
             remarks=(Remark(path=_field(service, "data"), kind=ADAPTED, words=words),),
-            needs=(Need(kind="file", name=place, what=what),),
+            needs=(Need(kind="file", name=place, what=what, command=command),),
         )
 
     def _shipped(self, service: Service, mount: Mount) -> Part:

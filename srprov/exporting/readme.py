@@ -43,7 +43,9 @@ def _needs(export: Export) -> Iterator[str]:
         return
     yield "## What you must give"
     yield ""
-    yield from (f"- the {one.kind} `{_code(one.name)}`: {plain(one.what)}" for one in export.needs)
+    for one in export.needs:
+        yield f"- the {one.kind} `{_code(one.name)}`: {plain(one.what)}"
+        yield from ("", f"      {visible(one.command)}", "") if one.command else ()
     yield ""
 
 

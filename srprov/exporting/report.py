@@ -147,7 +147,9 @@ def report_json(export: Export) -> dict[str, Any]:
             }
             for one in export.fields
         ],
-        "needs": [{"kind": one.kind, "name": one.name, "what": one.what} for one in export.needs],
+        "needs": [
+            {"kind": one.kind, "name": one.name, "what": one.what, "command": one.command} for one in export.needs
+        ],
         "notes": list(export.notes),
         "files": sorted(one.path for one in export.files if not one.is_folder),
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 
 import pytest
@@ -306,11 +307,15 @@ def test_what_apply_would_ask_for_is_told_since_compose_asks_nobody(tmp_path: Pa
 
 
 def test_a_data_set_to_download_is_named(tmp_path: Path) -> None:
-    sha = "ab" * 32
-    text = f"services: {{a: {{image: x, data: [{{url: 'https://x.example/d.bag', sha256: {sha}, target: /d}}]}}}}"
+    """What is in its address is one word of the command: `&` would end it, and run what stands behind."""
+    sha, url = "ab" * 32, "https://x.example/d.bag?a&./run$IFS`x`"
+    text = f"services: {{a: {{image: x, data: [{{url: '{url}', sha256: {sha}, target: /d}}]}}}}"
     made = twin(experiment(tmp_path, text))
-    assert [need.what for need in made.needs] == [f"Download https://x.example/d.bag; its sha256 is {sha}."]
-    assert document(made)["services"]["a"]["volumes"][0]["source"] == f"./{made.needs[0].name}"
+    need = made.needs[0]
+    assert document(made)["services"]["a"]["volumes"][0]["source"] == f"./{need.name}"
+    assert need.what == f"Download it; its sha256 is {sha}." and shlex.split(need.command)[-2:] == [need.name, url]
+    readme = contents(made)["README.md"].decode()
+    assert f"\n\n      {need.command}\n\n" in readme and readme.count("x.example") == 1
 
 
 def test_images_are_folders_to_build(tmp_path: Path) -> None:
