@@ -10,9 +10,14 @@ from srprov.exporting.swarm_script import BUILD, build_script
 
 APPLY = "apply.sh"
 _WHOSE = r"""
-# an experiment of a stranger's may have any name: what it brings closes its namespace to others
-if whose=$(kubectl get namespace "$namespace" -o 'jsonpath={.metadata.labels.srprov\.instance}' 2>/dev/null) &&
-    [ "$whose" != "$instance" ]; then
+# an experiment of a stranger's may have any name: what it brings closes its namespace to others.
+# Nothing is said of a namespace that is not there; who cannot ask, does not know that.
+if ! found=$(kubectl get namespace "$namespace" --ignore-not-found -o \
+    'jsonpath={.metadata.name} {.metadata.labels.srprov\.instance}'); then
+    echo "kubectl does not say whether the namespace $namespace is there, and whose: nothing was applied" >&2
+    exit 1
+fi
+if [ -n "$found" ] && [ "$found" != "$namespace $instance" ]; then
     echo "the namespace $namespace is there, and no experiment of that name made it: give the experiment" >&2
     echo "another name, or if it is meant: kubectl label namespace $namespace srprov.instance=$instance" >&2
     exit 1

@@ -181,19 +181,29 @@ echo "$*" >>"$LOG"
 case "$*" in
     "get pods"*srprov.service=job*) echo "Failed False"; echo "Succeeded False" ;;
     "get pods"*) echo "Running False" ;;
-    "get namespace"*) printf %s "$WHOSE"; [ -n "$THERE" ] ;;
+    "get namespace"*)
+        case $ASKED in
+            fails) echo "Error from server (Forbidden): namespaces" >&2; exit 1 ;;
+            absent) case $* in *" --ignore-not-found "*) ;; *) exit 1 ;; esac ;;
+            *) printf 'srprov-demo %s' "$WHOSE" ;;
+        esac ;;
 esac
 """
 
 
-def apply(folder: Path, script: bytes, whose: str | None = None) -> tuple[subprocess.CompletedProcess[str], list[str]]:
-    """Run a script with a cluster that has the namespace of `whose`, or has none; return it and what it applied."""
+def apply(
+    folder: Path, script: bytes, whose: str = "", asked: str = "absent"
+) -> tuple[subprocess.CompletedProcess[str], list[str]]:
+    """Run a script; return it and what it applied.
+
+    The namespace is `absent`, or `there` and that of `whose`; or asking for it `fails`.
+    """
     (folder / "kubectl").write_text(KUBECTL)
     (folder / "apply.sh").write_bytes(script)
     (folder / "kubectl").chmod(0o755)
     (folder / "log").write_text("")
     env = {"PATH": f"{folder}:{os.environ['PATH']}", "LOG": str(folder / "log"), "LIMIT": "0"}
-    env |= {"WHOSE": whose or "", "THERE": "" if whose is None else "1"}
+    env |= {"WHOSE": whose, "ASKED": asked}
     run = subprocess.run(["sh", str(folder / "apply.sh")], env=env, capture_output=True, text=True, check=False)
     return run, [line for line in (folder / "log").read_text().splitlines() if line.startswith("apply")]
 
@@ -202,11 +212,19 @@ def test_a_namespace_of_somebody_else_is_left_alone(tmp_path: Path) -> None:
     """An experiment that is called as it would close it to others, and its end would be `kubectl delete namespace`."""
     script = contents(on_cluster("kubernetes", experiment(tmp_path, "services: {a: {image: x}}")))["apply.sh"]
     for whose in ("", "another"):
-        run, applied = apply(tmp_path, script, whose)
+        run, applied = apply(tmp_path, script, whose, "there")
         assert (run.returncode, applied) == (1, []) and "the namespace srprov-demo is there" in run.stderr
-    for mine in (None, "demo"):
-        run, applied = apply(tmp_path, script, mine)
+    for asked in ("absent", "there"):
+        run, applied = apply(tmp_path, script, "demo", asked)
         assert (run.returncode, applied) == (0, ["apply -f 00-namespace.yaml", "apply -f 10-level.yaml"])
+
+
+def test_who_cannot_ask_for_the_namespace_applies_nothing(tmp_path: Path) -> None:
+    """No rights, or no way to the cluster: the namespace may be somebody else's."""
+    script = contents(on_cluster("kubernetes", experiment(tmp_path, "services: {a: {image: x}}")))["apply.sh"]
+    run, applied = apply(tmp_path, script, "demo", "fails")
+    assert (run.returncode, applied) == (1, [])
+    assert "Forbidden" in run.stderr and "does not say whether the namespace srprov-demo is there" in run.stderr
 
 
 @pytest.mark.parametrize("name", ["com", "default", "kube-system"])
