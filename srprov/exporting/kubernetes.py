@@ -20,7 +20,7 @@ from srprov.errors import DefinitionError, Diagnostic
 from srprov.exporting import cluster
 from srprov.exporting.images import built
 from srprov.exporting.kubernetes_classes import CDF, EDF
-from srprov.exporting.kubernetes_files import Mounted, Mounting
+from srprov.exporting.kubernetes_files import NODE_FOLDER, Mounted, Mounting
 from srprov.exporting.kubernetes_pod import (
     ENVIRONMENT,
     LABEL,
@@ -92,7 +92,13 @@ def export(wanted: Wanted) -> Export:
 
 
 def _readme(experiment: Experiment, done: Export, used: Collection[str]) -> File:
-    start = _start(done, namespace_of(experiment), used)
+    keeping = {
+        machine.robot
+        for machine in done.machines
+        for name in machine.services
+        if any(mount.kind == "volume" for mount in experiment.services[name].runtime.mounts)
+    }
+    start = _start(done, namespace_of(experiment), used, sorted(keeping))
     return File(path=_README, content=readme(experiment, done, start).encode())
 
 
@@ -206,13 +212,19 @@ def _variables(wanted: Wanted, services: Sequence[Service]) -> Iterator[Need]:
         yield Need(kind="variable", name=name, what=what)
 
 
-def _start(done: Export, namespace: str, used: Collection[str]) -> Iterator[str]:
+def _start(done: Export, namespace: str, used: Collection[str], keeping: Sequence[str]) -> Iterator[str]:
     yield from ("## Start", "")
     yield "The nodes of the cluster have the robots' names as their label `kubernetes.io/hostname`:"
     yield ""
     for machine in done.machines:
         yield f"- {plain(machine.robot)}: {', '.join(machine.services)}"
     yield ""
+    if keeping:
+        yield f"Volumes are folders of their node. First, as root on {plain(', '.join(keeping))}:"
+        yield from ("", f"    install -d -m 0700 -o root -g root {NODE_FOLDER}", "")
+        yield "A pod can leave a program in a volume that is root's whoever starts it, so no user of the node may get"
+        yield "there. Pods still have their volumes, as the node mounts them as root."
+        yield ""
     if used:
         yield f"Build the images with `./{BUILD}`, and give them to the nodes that run them: push them to a registry"
         yield f"that the nodes know, with its name instead of `{NO_REGISTRY}` here and in the manifests;"

@@ -21,7 +21,8 @@ from srprov.network.discovery import FOLDER
 
 _LIMIT = 1_000_000
 """Bytes that a ConfigMap holds, a little less than the 1 MiB of its store."""
-_NODE_FOLDER = "/var/lib/srprov-kubernetes"
+NODE_FOLDER = "/var/lib/srprov-kubernetes"
+"""Of each node, with the volumes; the kubelet would make it one that anybody passes."""
 _UNITS = {"": "", "k": "Ki", "m": "Mi", "g": "Gi"}
 
 
@@ -65,7 +66,7 @@ class Mounting(msgspec.Struct, frozen=True, kw_only=True):
             size = cluster.tmpfs_size(mount)
             return _memory(mount.target, f"{size[0]}{_UNITS[size[1]]}" if size else "")
         if mount.kind == "volume":
-            path = f"{_NODE_FOLDER}/{self.experiment.name}/{mount.source}"
+            path = f"{NODE_FOLDER}/{self.experiment.name}/{mount.source}"
             return _folder(path, "DirectoryOrCreate", mount)
         if mount.kind == "bind":
             why = f"where the home of '{mount.home_of}' is on its node is not known here" if mount.home_of else ""

@@ -240,6 +240,17 @@ def test_no_namespace_has_a_name_that_others_look_for(tmp_path: Path, name: str)
     assert f"kubectl delete namespace srprov-{name}`" in contents(made)["README.md"].decode()
 
 
+def test_nodes_that_keep_volumes_are_closed_to_their_users_first(tmp_path: Path) -> None:
+    """A pod's root can leave a program there that is root's whoever starts it."""
+    text = "services: {a: {image: x, volumes: ['data:/data']}, b: {image: x, volumes: ['/srv:/srv']}}"
+    on = {"a": "r1", "b": "r2"}
+    told = contents(on_cluster("kubernetes", experiment(tmp_path, text), on))["README.md"].decode()
+    first, _, rest = told.partition("\n    install -d -m 0700 -o root -g root /var/lib/srprov-kubernetes\n")
+    assert first.endswith("First, as root on r1:\n") and "    ./apply.sh" in rest
+    plainly = experiment(tmp_path, text.replace("data:/data", "/data:/data"))
+    assert "install -d" not in contents(on_cluster("kubernetes", plainly, on))["README.md"].decode()
+
+
 def expanded(text: str, known: Mapping[str, str]) -> str:
     """Return what Kubernetes makes of a text, by its own rules.
 
