@@ -1,15 +1,27 @@
 """Files of a container as its engine sees them, whether it runs or not: the protocol that sessions implement.
 
 Takes nothing and touches nothing. Behind it is `transport/engine/archive.py`, or `transport/container_folders.py` where
-an engine could be led elsewhere.
+an engine could be led elsewhere. With it stands which engines cannot be.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Protocol
 
 import msgspec
+
+MENDED = (29, 5, 1)
+
+
+def is_mended(version: str) -> bool:
+    """Return whether an engine of that version mounts nothing by name while it is asked for a container's files.
+
+    One whose version is not told does. What distributions call those that they mend themselves is not known.
+    """
+    numbers = re.match(r"([0-9]{1,4})\.([0-9]{1,4})\.([0-9]{1,4})", version, re.ASCII)
+    return numbers is not None and tuple(map(int, numbers.groups())) >= MENDED
 
 
 class InContainer(msgspec.Struct, frozen=True, kw_only=True):

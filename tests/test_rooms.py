@@ -83,7 +83,8 @@ ROOMS: Mapping[str, Room] = {
         "paramiko fabric invoke docker requests urllib3 psutil dask distributed",
     ),
     "facts": room(
-        "codes errors names wire session untrusted robot_answers resource time_sync modules definitions.model"
+        "codes errors names wire session container_files untrusted robot_answers resource time_sync modules"
+        " definitions.model"
     ),
     "assignment": room("codes errors sizes definitions.containermodel definitions.model facts.model"),
     "network": room("codes errors names untrusted definitions.model facts.model"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import concurrent.futures
 import datetime as dt
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -13,9 +13,12 @@ from srprov.cli import inputs, options
 from srprov.cli.codes import FAILED
 from srprov.cli.output import out, out_json, tell_unreachable
 from srprov.errors import TransportError, visible
+from srprov.names import few
 
 if TYPE_CHECKING:
     from srprov.facts.preconditions import Check
+
+_MOST_NAMED = 10
 
 
 @click.command()
@@ -63,15 +66,28 @@ def doctor(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: flo
     return code
 
 
-def doctor_text(checks: dict[str, tuple[Check, ...]]) -> str:
-    """Return a line per robot that is well, and for the others what is not."""
+def doctor_text(checks: Mapping[str, Sequence[Check]]) -> str:
+    """Return a line per robot that is well, for the others what is not, and once what is so on most robots."""
     lines = []
     for name, robot in sorted(checks.items()):
-        bad = [check for check in robot if check.remedy]
+        bad = [check for check in robot if check.remedy and not check.is_common]
         lines.append(f"{name}: {'all is well' if not bad else f'{len(bad)} of {len(robot)} checks'}")
         for check in bad:
             lines += [f"  {check.verdict.value}: {check.name}: {check.found}", f"    {check.remedy}"]
-    return "\n".join(lines)
+    return "\n".join([*lines, *_common(checks)])
+
+
+def _common(checks: Mapping[str, Sequence[Check]]) -> Iterator[str]:
+    """Yield what is so on most robots: what was found, and on which of them."""
+    told: dict[tuple[str, str], dict[str, list[str]]] = {}
+    for name, robot in sorted(checks.items()):
+        for check in robot:
+            if check.remedy and check.is_common:
+                where = told.setdefault((f"{check.verdict.value}: {check.name}", check.remedy), {})
+                where.setdefault(check.found, []).append(name)
+    for (head, remedy), where in told.items():
+        each = [f"{found} ({few(names, _MOST_NAMED)})" for found, names in where.items()]
+        yield from (f"{head}: {few(each, _MOST_NAMED)}", f"  {remedy}")
 
 
 def doctor_json(

@@ -12,7 +12,9 @@ import enum
 from collections.abc import Iterator, Sequence
 
 import msgspec
+from msgspec.structs import replace
 
+from srprov.container_files import is_mended
 from srprov.facts.every_link import EVERY_LINK, every_link
 from srprov.facts.model import HostFacts
 from srprov.facts.runc import REMEDY, RUNC, runc
@@ -32,6 +34,11 @@ _TOOLS = {
 """Program -> Debian package."""
 _WIREGUARD = {"kernel": "in the kernel", "userspace": "wireguard-go"}
 _API = (1, 41)
+_UPDATE = (
+    "a container can become root on its robot while anybody copies its files, or those of its volumes, by Docker's own "
+    "`cp` (CVE-2026-42306, CVE-2026-41568, CVE-2026-41567); `srprov cp` goes around it. Update Docker Engine to 29.5.1 "
+    "or newer, unless your distribution has mended them in this one"
+)
 _DISK_MIB = 1024
 _CLOCK_S = 1.0
 _MTU = 1280
@@ -54,6 +61,8 @@ class Check(msgspec.Struct, frozen=True, kw_only=True):
     """What is there, in words."""
     remedy: str = ""
     """What to do; empty when it is right."""
+    is_common: bool = False
+    """It is so on most robots there are: told once, for all of them."""
 
 
 class Clock(msgspec.Struct, frozen=True, kw_only=True):
@@ -103,6 +112,7 @@ def judge(facts: HostFacts, replies: Sequence[Reply], clock: Clock) -> tuple[Che
         *_programs(programs, as_json),
         _engine(facts),
         _check("runc", *runc(version), REMEDY, Verdict.WARNING),
+        _copies(facts),
         *_network(facts, vxlan, forwarding),
         _rules(rules),
         *(_check(*judged, Verdict.WARNING) for judged in every_link(asking, facts)),
@@ -143,6 +153,12 @@ def _engine(facts: HostFacts) -> Check:
     wanted = ".".join(map(str, _API))
     remedy = f"update Docker to 20.10 or newer (API {wanted})"
     return _check("docker", version >= _API, f"{docker.version}, API {docker.api_version}", remedy)
+
+
+def _copies(facts: HostFacts) -> Check:
+    version = facts.docker.version if facts.docker else ""
+    right = not facts.docker or is_mended(version)
+    return replace(_check("copies", right, version or "no engine", _UPDATE, Verdict.WARNING), is_common=True)
 
 
 def _network(facts: HostFacts, vxlan: Reply, forwarding: Reply) -> Iterator[Check]:

@@ -15,13 +15,14 @@ from typing import TYPE_CHECKING
 from msgspec.structs import replace
 
 from srprov.codes import Code
-from srprov.container_files import ContainerFiles, InContainer
+from srprov.container_files import ContainerFiles, InContainer, is_mended
 from srprov.errors import RefusedError, TransportError, UsageError, visible
 from srprov.sandbox import ELSEWHERE, LED_OUT, MISSING, NO_SANDBOX, NOT_CLOSED, ending, inside, sandboxed
 from srprov.transport import container_view
 from srprov.transport.container_streams import failed, given, taken
 from srprov.transport.container_tar import written_anew
 from srprov.transport.container_view import About, Found, Part, View, within
+from srprov.untrusted import mapping, string
 from srprov.wire import EngineQuery, Query, quote
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def files_of(session: EngineStreams, container: str, engine: ContainerFiles) -> 
         TransportError: The engine says nothing of it, or the robot is gone.
     """
     version, inspected = session.ask([EngineQuery(path="/version"), EngineQuery(path=f"/containers/{container}/json")])
-    if container_view.is_mended(version.json()):
+    if is_mended(string(mapping(version.json()).get("Version"))):
         return engine
     if not inspected.ok:
         said = f"{container} cannot be looked at: {inspected.err or 'its engine does not know it'}"

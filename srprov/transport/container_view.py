@@ -21,7 +21,6 @@ import msgspec
 from srprov.untrusted import absolute, mapping, mappings, string
 from srprov.wire import quote
 
-MENDED = (29, 5, 1)
 _OWN_FILES = {"/etc/hosts": "HostsPath", "/etc/hostname": "HostnamePath", "/etc/resolv.conf": "ResolvConfPath"}
 """What an engine mounts into each container that was started, and what it calls that."""
 _SRPROVS = ("/var/lib/srprov/", "/run/srprov/")
@@ -94,12 +93,6 @@ class View(msgspec.Struct, frozen=True):
 def within(path: str, above: str) -> bool:
     """Return whether a path is another one, or lies below it."""
     return path == above or path.startswith(f"{above.rstrip('/')}/")
-
-
-def is_mended(version: object) -> bool:
-    """Return whether an engine mounts nothing by name, by what it says of its version."""
-    numbers = re.match(r"([0-9]{1,4})\.([0-9]{1,4})\.([0-9]{1,4})", string(mapping(version).get("Version")), re.ASCII)
-    return numbers is not None and tuple(map(int, numbers.groups())) >= MENDED
 
 
 def about(inspected: object) -> About:

@@ -7,6 +7,7 @@ import json
 import pytest
 from msgspec.structs import replace
 
+from srprov.cli.doctor import doctor_text
 from srprov.facts.model import Docker, HostFacts
 from srprov.facts.preconditions import Check, Clock, Verdict, judge, precondition_queries
 from srprov.facts.runc import runc
@@ -15,7 +16,7 @@ from srprov.wire import Reply
 
 WELL = HostFacts(
     name="r1",
-    docker=Docker(version="20.10.24", api_version="1.41"),
+    docker=Docker(version="29.5.1", api_version="1.54"),
     disk_free=50 * 2**30,
     underlay_link="eth0",
     underlay_address="10.0.0.1",
@@ -59,9 +60,9 @@ def test_a_robot_that_has_all_is_well() -> None:
         ({}, (*GOOD[:3], "1: lo: <LOOPBACK>", *GOOD[4:]), "iproute2", Verdict.FAILED, "iproute2 5.0"),
         ({"docker": None, "docker_problem": "docker: not found"}, GOOD, "docker", Verdict.FAILED, "docker.io"),
         ({"wireguard": "", "wireguard_problem": "it has no wg"}, GOOD, "wireguard", Verdict.WARNING, "wireguard-tools"),
-        ({"docker": Docker(version="19.03", api_version="1.40")}, GOOD, "docker", Verdict.FAILED, "update"),
+        ({"docker": Docker(version="29.5.1", api_version="1.40")}, GOOD, "docker", Verdict.FAILED, "update"),
         (
-            {"docker": Docker(version="24.0", api_version="1.43", rootless=True)},
+            {"docker": Docker(version="29.5.1", api_version="1.54", rootless=True)},
             GOOD,
             "docker",
             Verdict.FAILED,
@@ -94,6 +95,49 @@ def test_programs_that_nobody_asked_for_are_not_reported() -> None:
     checks = by_name(judge(WELL, replies("$(reboot)\n", *GOOD[1:]), RIGHT))
 
     assert checks["programs"].verdict is Verdict.OK
+
+
+@pytest.mark.parametrize(
+    ("version", "warned"),
+    [
+        ("29.5.1", False),
+        ("29.5.2", False),
+        ("29.10.0", False),
+        ("30.0.0-rc.1", False),
+        ("29.5.0", True),
+        ("29.4.12", True),
+        ("28.5.2", True),
+        ("20.10.24+dfsg1", True),
+        ("26.1.5+dfsg1", True),
+        ("dev", True),
+    ],
+)
+def test_an_engine_that_is_led_elsewhere_by_copies_is_told_once_for_all_robots(version: str, warned: bool) -> None:
+    """It works with srprov all the same, so that a robot with nothing else is well."""
+    docker = Docker(version=version, api_version="1.54")
+    checks = judge(replace(WELL, docker=docker), replies(*GOOD), RIGHT)
+    check = by_name(checks)["copies"]
+    assert (check.verdict, check.found) == (Verdict.WARNING if warned else Verdict.OK, version)
+    head, _, rest = doctor_text({"r2": checks, "r1": checks}).partition("\nwarning: ")
+    assert head == "r1: all is well\nr2: all is well"
+    assert rest == (f"copies: {version} (r1, r2)\n  {check.remedy}" if warned else "")
+    assert not warned or all(one in check.remedy for one in ("root", "`srprov cp`", "29.5.1", "your distribution"))
+
+
+def test_what_most_robots_have_is_told_with_who_has_what() -> None:
+    """Ten names for each, so that a thousand robots are one line, too."""
+    every = {f"r{number:02}": "20.10.24" for number in range(12)} | {"s": "28.0.1"}
+    checks = {
+        name: judge(replace(WELL, docker=Docker(version=version, api_version="1.41")), replies(*GOOD), RIGHT)
+        for name, version in every.items()
+    }
+    line = doctor_text(checks).splitlines()[-2]
+    names = ", ".join(f"r{number:02}" for number in range(10))
+    assert line == f"warning: copies: 20.10.24 ({names} and 2 more), 28.0.1 (s)"
+
+
+def test_without_an_engine_nothing_is_said_of_its_copies() -> None:
+    assert by_name(judge(replace(WELL, docker=None), replies(*GOOD), RIGHT))["copies"].verdict is Verdict.OK
 
 
 @pytest.mark.parametrize(
