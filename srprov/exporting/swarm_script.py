@@ -11,7 +11,11 @@ BUILD, DEPLOY = "build.sh", "deploy.sh"
 
 _WHOSE = r"""
 # an experiment of a stranger's may have any name: its services would take the place of another stack's
-for service in $(docker stack services -q "$stack" 2>/dev/null || true); do
+if ! services=$(docker stack services -q "$stack"); then
+    echo "docker does not say whether the stack $stack is there, and whose: nothing was deployed" >&2
+    exit 1
+fi
+for service in $services; do
     if [ "$(docker service inspect -f '{{index .Spec.Labels "srprov.instance"}}' "$service")" != "$stack" ]; then
         echo "the stack $stack is there, and no experiment of that name made it: give the experiment another name," >&2
         echo "or if it may go: docker stack rm $stack" >&2
