@@ -57,8 +57,8 @@ def bundle(
 
     RUN is a name that `srprov runs` lists, or a folder. No robot is asked, but for images. Addresses, hosts and users
     of the lab are replaced; results, the experiment's files and images stay as they are. What looks like a secret stops
-    it, and so does the value of one of the experiment's secrets, where it can be read here: variables are, and files
-    that were allowed on this machine; commands are not run.
+    it, and so does the value of one of the experiment's secrets, where it can be read here: variables are that this
+    machine gave to the run, and files that were allowed on this machine; commands are not run.
     """
     from srprov.cli.runs import homes, run_folder
     from srprov.controller.bundling import known_secrets, signer
@@ -68,8 +68,12 @@ def bundle(
     folder = run_folder(run, homes(None))
     try:
         files = of_run(folder)
-        for name in known_secrets(files.path, files.sizes):
+        left = known_secrets(files.path, files.sizes)
+        for name in left.names:
             err(f"note: {name} cannot be read here: nobody looks for its value")
+        if left.variables:
+            named = ", ".join(left.variables)
+            err(f"note: nobody looks for values of variables that this machine did not give to this run: {named}")
         with _wish(folder, way, inventories, timeout, forks) as images:
             made = make(
                 folder, target, sign=signer(sign, str(target)) if sign else None, no_secret=no_secret, images=images

@@ -1,8 +1,9 @@
-"""Which images a run of trials had, and on which robots: kept by this machine, for a bundle that holds them.
+"""Which images a run of trials had, on which robots, and which variables: kept by this machine, for a bundle of it.
 
 The folder of a run may come from a stranger, and which image a container has is the word of its robot: either may name
 one of another experiment by its id, which records tell. So the machine that runs trials remembers who said what. A run
-is known by a secret in its folder, which no bundle holds; what its folder says of images is not believed.
+is known by a secret in its folder, which no bundle holds; what its folder says of images is not believed. Nor is what
+it says of variables: by whether there is a bundle, one that nobody gave to the run could be guessed.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from srprov.controller.built_here import counting
 from srprov.controller.trial_plan import TrialPlan
 from srprov.controller.trial_sameness import Sameness, containers_of
 from srprov.definitions.model import Inventory
+from srprov.definitions.secretvalues import used
 from srprov.modules.container_params import ContainerParams
 from srprov.record.memory import note_ran, who_ran
 from srprov.session import Session
@@ -49,6 +51,10 @@ class Ran(msgspec.Struct, frozen=True):
             found[tag] = {arch: ids for arch, ids in of.items() if ":" not in arch}  # with it, it is an image's id
         return found
 
+    def variables(self) -> frozenset[str]:
+        """Return the names of this machine's variables that the user let the run have."""
+        return who_ran().get(_variables_of(self.token), frozenset()) if self.token else frozenset()
+
 
 def ran(folder: Path) -> Ran:
     """Return what is remembered of the run in a folder."""
@@ -66,7 +72,7 @@ def ran(folder: Path) -> Ran:
 def remember(
     folder: Path, plan: TrialPlan, same: Sameness, sessions: Mapping[str, Session], inventory: Inventory
 ) -> str:
-    """Keep which images a run has now, and which count as built; return why that is not possible, or nothing.
+    """Keep a run's images, which of them count as built, and its variables; return why not, or nothing.
 
     Raises:
         OSError: The folder cannot be written.
@@ -79,7 +85,14 @@ def remember(
         assert isinstance(one.params, ContainerParams)
         if (image := same.get(f"{one.service}: image id")) and one.host in sessions:
             had.setdefault(_key(token, one.params.image, image), set()).add(sessions[one.host].identity)
-    return note_ran(had)
+    assert plan.base.definitions is not None  # trials are never run from a plan in a file
+    experiment = plan.base.definitions.experiment
+    taken = {name for _, name in experiment.environment} | {one.env for one in used(experiment) if one.env}
+    return note_ran({**had, _variables_of(token): taken} if taken else had)
+
+
+def _variables_of(token: str) -> str:
+    return f"{token} variables"
 
 
 def _key(token: str, name: str, image: str) -> str:

@@ -5,7 +5,14 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from srprov.controller.trial_images import ran
+import pytest
+from msgspec.structs import replace
+
+from srprov.controller.trial_images import ran, remember
+from srprov.definitions import load_experiment
+from tests.fakes import World
+from tests.trial_folders import EDF, FILES, planned, write_experiment
+from tests.worlds import inventory
 
 
 def test_a_run_is_not_known_by_the_token_of_another_one(tmp_path: Path) -> None:
@@ -20,3 +27,21 @@ def test_a_run_is_not_known_by_the_token_of_another_one(tmp_path: Path) -> None:
     (tmp_path / "theirs" / "token").unlink()
     (tmp_path / "theirs" / "token").symlink_to(tmp_path / "mine" / "token")
     assert ran(tmp_path / "theirs").token == ""
+
+
+def test_the_variables_that_a_run_was_given_are_remembered_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those that a service takes, and those of secrets that one has; a bundle looks for the values of no others."""
+    secrets = "secrets: {token: {env: TOKEN}, other: {env: OTHER}}\nservices:"
+    text = EDF.replace("services:", secrets).replace(
+        "env_file: referee.env", "environment: [PLAIN, A=b], secrets: [token]"
+    )
+    monkeypatch.setenv("PLAIN", "a value")
+    world, edf = World().add("r1", "r2"), write_experiment(tmp_path / "race", FILES)
+    plan = planned(world, edf)
+    edf.write_text(text)
+    plan = replace(plan, base=replace(plan.base, definitions=load_experiment(edf)))
+    assert ran(tmp_path).variables() == frozenset()
+    assert remember(tmp_path, plan, {}, {}, inventory(world)) == ""
+    assert ran(tmp_path).variables() == {"PLAIN", "TOKEN"}

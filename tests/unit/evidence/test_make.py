@@ -25,8 +25,8 @@ from srprov.evidence.replay import unpack
 from srprov.evidence.session import data_sets
 from srprov.evidence.verify import verify
 from srprov.record.journal import Journal, read
-from srprov.record.memory import note_secret_files
-from srprov.secret import Secret
+from srprov.record.memory import note_ran, note_secret_files
+from srprov.secret import Secret, forget
 from tests.bounded import bounded
 from tests.trial_folders import EDF, FILES, MACHINE, run_folder, write_experiment
 from tests.unit.evidence.bundles import archive, as_it_is, unpacked
@@ -251,11 +251,50 @@ def test_secrets_of_the_experiment_are_looked_for_where_they_come_from(
         assert "note: token cannot be read here" in capsys.readouterr().err
         (tmp_path / "b.zip").unlink()
         note_secret_files([os.path.realpath(edf.parent / "token.txt")])
+    else:
+        _given(run, "TOKEN")
     assert cli(["bundle", str(run), "-o", str(tmp_path / "b.zip")]) == 9
     told = capsys.readouterr().err
     assert "r2.referee.log: the value of a secret" in told and CANARY not in told
     assert ("note: token cannot be read here" in told) is (kind == "bare")
     assert not (tmp_path / "b.zip").exists()
+
+
+def _given(run: Path, *variables: str) -> None:
+    """Let this machine remember which variables it gave to a run."""
+    (run / "token").write_text(32 * "a")
+    assert note_ran({f"{32 * 'a'} variables": variables}) == ""
+
+
+@pytest.mark.parametrize("kind", ["secret", "bare", "unlisted", "env_file"])
+def test_a_run_of_a_stranger_has_no_variable_of_this_machine_looked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], kind: str
+) -> None:
+    """Whether there is a bundle told whether a guess in it was right, or whether there is such a variable."""
+    text, files = EDF, FILES
+    if kind == "secret":
+        text = text.replace("services:", "secrets: {token: {env: TOKEN}}\nservices:")
+    elif kind == "env_file":
+        files = {**FILES, "referee.env": f"{FILES['referee.env']}TOKEN\n"}
+    else:
+        text = text.replace("env_file: referee.env", "environment: [TOKEN]")
+    monkeypatch.setenv("TOKEN", CANARY)
+    edf = write_experiment(tmp_path / "experiment", {**files, "race.edf": text})
+    run = run_folder(tmp_path / "run", edf, log=["tick", f"I guess {CANARY}"])
+    if kind == "unlisted":
+        given = run / "sessions" / "1" / "inputs.json"
+        given.write_text(json.dumps({**json.loads(given.read_text()), "variables": []}))
+    forget()
+    _given(tmp_path, "TOKEN")  # as to a run of the user's own
+    (run / "token").write_text(32 * "b")
+    told = []
+    for value in (CANARY, "another value", None):
+        monkeypatch.delenv("TOKEN") if value is None else monkeypatch.setenv("TOKEN", value)
+        told.append((cli(["bundle", str(run), "-o", str(tmp_path / "b.zip")]), capsys.readouterr()))
+    assert told == 3 * [told[0]]
+    assert told[0][0] == (5 if kind == "unlisted" else 0)
+    note = "note: nobody looks for values of variables that this machine did not give to this run: TOKEN\n"
+    assert (note in told[0][1].err) is (kind != "unlisted")
 
 
 @pytest.mark.parametrize("way", ["../", "/", "link"])
