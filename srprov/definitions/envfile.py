@@ -1,8 +1,9 @@
 r"""`env_file` -> variables, in the syntax that Docker Compose reads.
 
 Takes a file's text; gives names and values in order, or problems at their lines. Pure. `NAME=value`, comments,
-`export`, single quotes (literal, may span lines) and double quotes (with \n, \t, \", \\). `${…}` stays as it is
-written: nothing is interpolated.
+`export`, single quotes (literal but for \', may span lines) and double quotes (with \n, \t, \", \\). `${…}` stays as
+it is written: nothing is interpolated. Behind a closing quote there is nothing but a comment: Compose takes a name
+there for the next variable, and refuses all else.
 """
 
 from __future__ import annotations
@@ -14,6 +15,9 @@ from srprov.codes import Code
 from srprov.errors import Diagnostic, Location
 
 _NAME = re.compile(r"(?:export\s+)?(?P<name>[A-Za-z_][A-Za-z0-9_.-]*)\s*(?P<sign>[=:]?)[ \t]*")
+BEHIND = """write the whole value in one pair of quotes, as in "it's", or without any; a comment begins with #"""
+"""What to do where something stands behind a closing quote."""
+_ESCAPED = re.compile(r"\\(.)", re.DOTALL)
 MAX_BYTES = 256 * 1024
 _MOST_PROBLEMS = 100
 _ESCAPES = {"n": "\n", "t": "\t", "r": "\r", '"': '"', "\\": "\\", "$": "$"}
@@ -54,19 +58,31 @@ def parse(text: str, file: str, environ: Mapping[str, str]) -> tuple[dict[str, s
         bare_names.discard(match["name"])
         rest = line.lstrip()[match.end() :]
         if rest[:1] in ("'", '"'):
-            rest, end, number = _quoted(rest, lines, number)
-            if end < 0:
-                place = Location(file, start, column + match.end())
-                problems.append(Diagnostic(place, "the quote is not closed", "", line, code=Code.ENVIRONMENT))
-                continue
-            inner = rest[1:end]
-            found[match["name"]] = inner if rest[0] == "'" else re.sub(r"\\(.)", _unescape, inner, flags=re.DOTALL)
+            value, number = _quoted(rest, lines, number, Location(file, start, column + match.end()))
+            if isinstance(value, Diagnostic):
+                problems.append(value)
+            else:
+                found[match["name"]] = value
         else:
             found[match["name"]] = re.split(r"(?:^|\s)#", rest, maxsplit=1)[0].strip()
     return found, bare_names, problems
 
 
-def _quoted(rest: str, lines: Sequence[str], number: int) -> tuple[str, int, int]:
+def _quoted(rest: str, lines: Sequence[str], number: int, at: Location) -> tuple[str | Diagnostic, int]:
+    """Return the value of a quoted text that begins there, or what is wrong with it, and the line after it."""
+    text, end, number = _to_its_end(rest, lines, number)
+    if end < 0:
+        return Diagnostic(at, "the quote is not closed", "", lines[at.line - 1], code=Code.ENVIRONMENT), number
+    behind, last = text[end + 1 :].lstrip(), lines[number - 1]
+    if found := behind.partition("#")[0].rstrip():
+        place = Location(at.file, number, len(last) - len(behind) + 1)
+        message = f"'{found[:80]}' stands behind the closing quote"
+        return Diagnostic(place, message, "", last, BEHIND, code=Code.ENVIRONMENT), number
+    escapes = _ESCAPES if text[0] == '"' else {"'": "'"}
+    return _ESCAPED.sub(lambda one: escapes.get(one[1], one[0]), text[1:end]), number
+
+
+def _to_its_end(rest: str, lines: Sequence[str], number: int) -> tuple[str, int, int]:
     """Return a quoted text with the lines that it goes on in, where its quote ends (or -1), and the line after it."""
     pieces, end = [rest], _end_of_quote(rest, rest[0], 1)
     while end < 0 and number < len(lines):
@@ -81,14 +97,10 @@ def _quoted(rest: str, lines: Sequence[str], number: int) -> tuple[str, int, int
 def _end_of_quote(text: str, quote: str, position: int) -> int:
     """Return the index of the first quote from a position on that is not escaped, or -1."""
     while position < len(text):
-        if text[position] == "\\" and quote == '"':
+        if text[position] == "\\":
             position += 2
         elif text[position] == quote:
             return position
         else:
             position += 1
     return -1
-
-
-def _unescape(match: re.Match[str]) -> str:
-    return _ESCAPES.get(match[1], match[0])

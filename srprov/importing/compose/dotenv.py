@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator
 import msgspec
 
 from srprov.codes import Code
+from srprov.definitions.envfile import BEHIND
 from srprov.errors import Diagnostic
 from srprov.importing.normal import Refused
 from srprov.importing.position import Position
@@ -75,6 +76,8 @@ class _Source:
         self.text = text
         self.file = file
         self.at = 0
+        self.closed: int | None = None
+        """Where the last quoted value ended."""
         self.lines, self.counted = 1, 0
 
     def here(self) -> Position:
@@ -118,6 +121,8 @@ class _Source:
         if export := _EXPORT.match(self.text, self.at):
             self.at = export.end()
         begin = self.at
+        behind = self.closed is not None and self.text.find("\n", self.closed, begin) < 0
+        hint = BEHIND if behind else ""
         end, sign = len(self.text), ""
         for index in range(begin, len(self.text)):
             char = self.text[index]
@@ -125,12 +130,13 @@ class _Source:
                 end, sign = index, char
                 break
             if not (char in "_.-[]" or char in _SPACE or char.isalnum()):
-                raise Refused([Diagnostic(at, f"a name of a variable has no '{char}'", code=Code.COMPOSE_VARIABLE)])
+                message = f"a name of a variable has no '{char}'"
+                message += ", and what stands behind a closing quote is one for Compose" if behind else ""
+                raise Refused([Diagnostic(at, message, hint=hint, code=Code.COMPOSE_VARIABLE)])
         name = self.text[begin:end].rstrip()
         if " " in name:
-            raise Refused(
-                [Diagnostic(at, f"the name of a variable has a space: '{name[:80]}'", code=Code.COMPOSE_VARIABLE)]
-            )
+            message = f"the name of a variable has a space: '{name[:80]}'"
+            raise Refused([Diagnostic(at, message, hint=hint, code=Code.COMPOSE_VARIABLE)])
         self.at = min(end + 1, len(self.text))
         if sign != "\n":
             self._skip_space()
@@ -154,7 +160,7 @@ class _Source:
             end += 1
         if end < 0:
             raise Refused([Diagnostic(at, "a quote is not closed", code=Code.COMPOSE_VARIABLE)])
-        self.at = end + 1
+        self.at = self.closed = end + 1
         value = self.text[begin:end]
         return value.replace("\\'", "'") if quote == "'" else put_in(_ESCAPE.sub(_escaped, value), at)
 

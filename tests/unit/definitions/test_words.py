@@ -104,5 +104,5 @@ def test_a_quote_that_is_never_closed_is_told_in_time(begin: str) -> None:
 
 
 def test_values_over_several_lines_end_where_their_quote_does() -> None:
-    text = 'A=\'one\ntwo\' ignored\n B = "x\\\n\\"y\nz"\nC=1 # no\n'
+    text = 'A=\'one\ntwo\' # no\n B = "x\\\n\\"y\nz"\nC=1 # no\n'
     assert envfile.parse(text, "a.env", {})[0] == {"A": "one\ntwo", "B": 'x\\\n"y\nz', "C": "1"}
