@@ -126,7 +126,15 @@ def _is_stream(path: str) -> bool:
 def _open_stream(path: str, _flags: int) -> int:
     about = os.lstat(path)
     is_link = stat.S_ISLNK(about.st_mode)
-    descriptor = os.open(path, os.O_WRONLY | os.O_NOCTTY | os.O_CLOEXEC | (os.O_TRUNC if is_link else os.O_NOFOLLOW))
+    flags = os.O_WRONLY | os.O_NOCTTY | os.O_CLOEXEC | (os.O_TRUNC if is_link else os.O_NOFOLLOW | os.O_NONBLOCK)
+    try:
+        descriptor = os.open(path, flags)
+    except OSError as error:
+        if error.errno != errno.ENXIO:
+            raise
+        # to wait for who reads it may be for ever, and a pipe may be a stranger's, of an archive
+        raise OSError(errno.ENXIO, "it is a pipe that no program reads: start that first", path) from None
+    os.set_blocking(descriptor, True)
     if not is_link and stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
         raise OSError(errno.EEXIST, "somebody put a file there meanwhile", path)

@@ -26,6 +26,7 @@ _SHORTEST_PART = 8
 _SHORTEST_SHIFTED = 6
 _WRAP = re.compile(r"\r?(?:\n|(?:\\r)?\\n)[ \t\r\n]*")
 """A line's end, also as JSON writes it, with the indentation of the next one."""
+_QUOTES = re.compile(r"""['"\\]""")
 _SEPARATED = re.compile(r"(?:[0-9a-fA-F](?:[\s:,%-]|\\x)*){7,}[0-9a-fA-F]")
 _SEPARATOR = re.compile(r"(?:[\s:,%-]|\\x)+")
 
@@ -235,11 +236,15 @@ class Known:
                 masks.append((start, stop))
         return masks
 
-    def without(self, text: str) -> str:
-        """Return a text with every secret as `***`."""
-        parts: list[str] = []
-        end = 0
+    def without(self, text: str, *, for_people: bool = False) -> str:
+        """Return a text with every secret as `***`.
+
+        A message for people may have a command: behind a secret that takes a quote with it, no quotes hold any more.
+        """
+        parts, end, length = list[str](), 0, len(text)
         for start, stop in self.masks(text):
-            parts += [text[end:start], MASK]
-            end = stop
+            if stop > end:
+                parts += [text[end:start], MASK]
+                takes_quotes = for_people and _QUOTES.search(text, start, stop)
+                end = text.find("\n", stop) % (length + 1) if takes_quotes else stop  # at the end, where there is none
         return "".join([*parts, text[end:]]) if parts else text

@@ -142,9 +142,9 @@ class _All:
 _all = _All()
 
 
-def redact(text: str) -> str:
+def redact(text: str, *, for_people: bool = False) -> str:
     """Return a text with every known secret, in any of its forms, as `***`."""
-    return _all.known.without(text) if _all.known else text
+    return _all.known.without(text, for_people=for_people) if _all.known else text
 
 
 def holds(data: bytes) -> bool:

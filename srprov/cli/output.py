@@ -55,7 +55,7 @@ def clean(text: str) -> str:
 
     A control character in the middle of a secret hides it from the first look, and one in the secret from the second.
     """
-    return printable(redact(_CONTROL.sub("", redact(text))))
+    return printable(redact(_CONTROL.sub("", redact(text, for_people=True)), for_people=True))
 
 
 def printable(text: str) -> str:

@@ -40,6 +40,8 @@ def parse(text: str) -> list[tuple[str, str]]:
         words = split(text)
     except ValueError as error:
         raise ValueError(f"ssh's arguments cannot be split into words: {str(error).lower()}") from None
+    if any(not word.isprintable() for word in words):  # each line would be a setting of its own
+        raise ValueError("an argument for ssh has a line end, or another control character")
     options: list[tuple[str, str]] = []
     rest = iter(words)
     for word in rest:

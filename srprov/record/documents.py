@@ -15,6 +15,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from shlex import quote
 from typing import Any
 
 import msgspec
@@ -183,7 +184,7 @@ def inventory_document(inventory: Inventory) -> dict[str, Any]:
 
 
 def _host(host: Host) -> dict[str, Any]:
-    options = [f"-o {name}={MASK if name == 'proxycommand' else value}" for name, value in host.ssh_options]
+    options = [(name, MASK if name == "proxycommand" else value) for name, value in host.ssh_options]
     values = {
         "ansible_host": host.address,
         "ansible_port": host.port,
@@ -193,7 +194,7 @@ def _host(host: Host) -> dict[str, Any]:
         "ansible_become": host.become or None,
         "ansible_become_password": MASK if host.become_password else None,
         "ansible_connection": host.connection if host.connection != "ssh" else None,
-        "ansible_ssh_common_args": " ".join(options) or None,
+        "ansible_ssh_common_args": " ".join(f"-o {quote(f'{name}={value}')}" for name, value in options) or None,
         "srprov_tags": list(host.tags) or None,
         "srprov_slots": host.slots,
         "srprov_underlay": host.underlay,

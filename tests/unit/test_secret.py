@@ -7,9 +7,12 @@ import copy
 import dataclasses
 import json
 import pickle
+import shlex
+import subprocess
 import traceback
 import urllib.parse
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
@@ -103,6 +106,18 @@ def test_every_form_is_found(form: str) -> None:
     fixed = shown[8:-6] if form.startswith("base64 behind") else shown.strip("'\"b")
     assert fixed not in redact(line)
     assert redact(line).startswith("before ") and redact(line).endswith("! after")
+
+
+@pytest.mark.parametrize("value", ["/git/aaaa'", 'two "words', "back\\slash", "a'b'c d"])
+@pytest.mark.parametrize("path", ["{}$(touch ran)", "a {}' $(touch ran)", "{}';touch ran;'", "`x`{}\"'$(touch ran)"])
+def test_no_secret_takes_the_quotes_of_a_command_with_it(tmp_path: Path, value: str, path: str) -> None:
+    """A stranger chooses what his secrets are, and what his folders are called: a message has a command with both."""
+    Secret(value)
+    words = f"{shlex.quote(path.format(value))} {shlex.quote('/srv' + path.format(value))}"
+    shown = clean(f"see: true {words}\nnext").splitlines()
+    assert shown[1] == "next" and value not in shown[0]
+    subprocess.run(["sh", "-c", shown[0].removeprefix("see: ")], cwd=tmp_path, capture_output=True, check=False)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_lines_of_a_long_secret_are_found_one_by_one() -> None:

@@ -87,8 +87,9 @@ def _parse(name: str, text: str, address: str) -> dict[str, list[str]]:
 def _ssh_g(name: str, address: str, given: Mapping[str, Sequence[str]], chosen: Path | None) -> dict[str, list[str]]:
     """Let OpenSSH resolve its own configuration; Match may depend on user and port, so they are given too."""
     check_words(name, [address, *(word for key in _IN_COMMANDS for word in given.get(key, ()))])
-    command = ["ssh", "-G", *(["-F", str(chosen)] if chosen else [])]
-    command += [f"-o{key}={value}" for key, values in given.items() for value in values]
+    settings = [f"{key}={value}" for key, values in given.items() if key not in ADDS_UP for value in values]
+    _check_lines(name, settings)
+    command = ["ssh", "-G", *(["-F", str(chosen)] if chosen else []), *(f"-o{one}" for one in settings)]
     try:
         done = subprocess.run(
             [*command, "--", address], capture_output=True, text=True, timeout=10, stdin=subprocess.DEVNULL, check=False
@@ -120,7 +121,15 @@ def _ssh_g(name: str, address: str, given: Mapping[str, Sequence[str]], chosen: 
     keys = found.get("identityfile", [])
     if all(os.path.dirname(k) == "~/.ssh" and os.path.basename(k) in _SSH_G_KEYS for k in keys):
         found.pop("identityfile", None)
-    return {key: values for key, values in found.items() if key not in given}
+    return {key: values for key, values in found.items() if key in ADDS_UP or key not in given}
+
+
+def _check_lines(name: str, settings: Iterable[str]) -> None:
+    """Refuse what is more than one line: `ssh -G` prints it as it is, and each line of its answer is a setting."""
+    for setting in settings:
+        if not setting.isprintable():
+            wrong = f"{setting[:80]!r} is no setting of ssh: a control character is in it"
+            raise ConnectError(name, wrong, hint="correct the inventory", code=Code.SSH_CONFIG)
 
 
 def check_words(name: str, words: Iterable[str]) -> None:

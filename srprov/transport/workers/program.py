@@ -50,7 +50,8 @@ def start_words(descriptor: int, *, home: bool) -> list[str]:
     """
     # no secret and no robot's name: everything else comes over the socket
     start = f"import sys; sys.path[:] = {sys.path!r}; from srprov.transport.workers.worker import main; "
-    return [sys.executable, "-c", f"{start}main({descriptor}, home={home})"]
+    # -I: a module of the folder at hand, which may be a stranger's, is not imported before the text begins
+    return [sys.executable, "-I", "-c", f"{start}main({descriptor}, home={home})"]
 
 
 class LocalProgram:

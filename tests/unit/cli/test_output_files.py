@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import stat
 import subprocess
-import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from srprov.cli.plan import write_plan
 from srprov.controller import signature
 from srprov.controller.saved import plan_file
 from srprov.definitions.model import Definitions
+from srprov.errors import SrprovError
 from srprov.planning.planfile import PlanFile, dump
 from srprov.secret import Vault
 from tests.fakes import World
@@ -95,12 +95,16 @@ def test_what_others_put_there_gets_nothing_and_is_replaced(
 def test_a_pipe_or_device_of_the_users_own_is_written_to(shared: Path, write: Callable[[Path], None]) -> None:
     pipe = shared / "p.sig"
     os.mkfifo(pipe)
-    got: list[bytes] = []
-    reader = threading.Thread(target=lambda: got.append(pipe.read_bytes()), daemon=True)
-    reader.start()
-    write(pipe)
-    reader.join(10)
-    assert got and got[0] and pipe.is_fifo()
+    with open(os.open(pipe, os.O_RDONLY | os.O_NONBLOCK), "rb") as reader:
+        write(pipe)
+        assert reader.read() and pipe.is_fifo()
+
+
+def test_a_pipe_that_no_program_reads_holds_nobody(shared: Path, write: Callable[[Path], None]) -> None:
+    """An archive may bring one, which is the user's then."""
+    os.mkfifo(shared / "p.sig")
+    with pytest.raises((OSError, SrprovError, AssertionError), match="a pipe that no program reads"):
+        write(shared / "p.sig")
 
 
 def test_the_kernels_link_to_what_is_open_is_followed(tmp_path: Path, saved: PlanFile) -> None:

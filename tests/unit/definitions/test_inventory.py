@@ -409,3 +409,13 @@ def test_the_name_of_an_inventory_s_folder_is_one_word_of_ssh_s_arguments(
     assert "is more than one word of ssh's arguments" in refused.value.problems[0].message
     file.write_text(text.replace("ARGS", "'-o UserKnownHostsFile=/x'"))
     assert load_inventory(["robots.yml"]).hosts["r"].identity_file == f"{tmp_path / folder}/key"
+
+
+def test_an_argument_for_ssh_is_one_line(tmp_path: Path) -> None:
+    """`ssh -G` prints it as it is, and what it prints is read by its lines."""
+    file = tmp_path / "h.yml"
+    args = "-o 'SetEnv=\"A=1\\nproxycommand ./jump.sh\"'".replace('"', '\\"')
+    file.write_text(f'all: {{hosts: {{r: {{ansible_ssh_common_args: "{args}"}}}}}}')
+    with pytest.raises(DefinitionError) as refused:
+        load_inventory([str(file)])
+    assert "line end" in refused.value.problems[0].message

@@ -19,6 +19,7 @@ from msgspec.structs import replace
 from srprov import own_records
 from srprov.definitions.model import Host, Inventory
 from srprov.definitions.repository_names import repository_among
+from srprov.definitions.sshargs import parse
 from srprov.execution import Event
 from srprov.planning.planfile import PlanFile, document
 from srprov.record import RunFolder, RunInputs, default_root, event_json, run_id, write_inputs
@@ -217,8 +218,19 @@ def test_the_inventory_is_written_without_passwords() -> None:
     assert 'pass"' not in json.dumps(shown) and "third-pass" not in json.dumps(shown)
     mine = shown["all"]["hosts"]["r1"]
     assert (mine["ansible_password"], mine["ansible_become_password"]) == ("***", "***")
-    assert mine["ansible_ssh_common_args"] == "-o proxycommand=*** -o port=22"
+    assert mine["ansible_ssh_common_args"] == "-o 'proxycommand=***' -o port=22"
     assert shown["all"]["children"] == {"rovers": {"hosts": {"r1": None}}}
+
+
+def test_an_option_of_ssh_is_one_word_of_a_recorded_inventory() -> None:
+    """It would be further options to who reads the record, or none that can be read."""
+    options = (("userknownhostsfile", '"/home/u/my lab/known"'), ("setenv", "A=1 -o StrictHostKeyChecking=accept-new"))
+    lab = Inventory(
+        hosts=MappingProxyType({"r1": Host(name="r1", address="10.0.0.1", ssh_options=options)}),
+        groups=MappingProxyType({"all": ("r1",)}),
+    )
+    written = inventory_document(lab)["all"]["hosts"]["r1"]["ansible_ssh_common_args"]
+    assert tuple(parse(written)) == options
 
 
 @pytest.mark.parametrize(

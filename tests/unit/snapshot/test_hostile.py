@@ -19,6 +19,7 @@ from srprov.snapshot.folder import Robot
 from srprov.snapshot.hider import Hider
 from srprov.snapshot.host import Host
 from srprov.snapshot.notes import Notes
+from srprov.snapshot.repositories import CLONES, fetchable
 from srprov.snapshot.secret_names import Give, SecretNames
 from srprov.snapshot.sources import is_distributions, parse_keys, parse_sources
 from srprov.wire import AnyQuery, EngineQuery, Reply
@@ -135,3 +136,13 @@ def test_of_many_services_the_few_that_do_not_go_together_are_left_out(tmp_path:
     robots, _ = Checker(tmp_path, [robot], {}, Hider(())).checked("x")
     assert {one.name for one in robots[0].services} == {one.name for one in services} - {"S!"}
     assert "container S!: does not go together" in lost(robot.notes)
+
+
+@pytest.mark.parametrize("path", ["/git/aaaa'$(touch$IFS/ran)", "/git/a;b", "/git/nav.git"])
+def test_a_command_that_a_note_has_needs_no_quotes(path: str) -> None:
+    """What a robot calls a secret is taken out of a note as a whole: quotes of the command would go with it."""
+    notes = Notes()
+    is_plain = path == "/git/nav.git"
+    assert fetchable(path, "repository x", notes) == (f"file://{CLONES}{path}" if is_plain else "")
+    said = " ".join(note.words for note in notes.found)
+    assert ("git clone" in said) == is_plain and said.count("folder of the robot") == 1

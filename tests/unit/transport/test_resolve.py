@@ -99,6 +99,22 @@ def test_match_goes_through_ssh(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not shutil.which("ssh"), reason="needs openssh-client")
+@pytest.mark.parametrize("folder", ['x"\nproxycommand touch ran\n"', "two words", 'a"b', "plain"])
+def test_the_name_of_a_key_s_folder_is_no_setting(tmp_path: Path, folder: str) -> None:
+    """A folder of a stranger's project may have any name, and a link to it a harmless one."""
+    key = f"/{folder}/id"
+    text = "Match all\n  Port 99\n  IdentityFile /configured\n"
+    found = resolved(tmp_path, text, identity_file=key)
+    assert (found.port, found.proxy_command, found.identity_files) == (99, None, (key, "/configured"))
+
+
+@pytest.mark.skipif(not shutil.which("ssh"), reason="needs openssh-client")
+def test_a_setting_of_two_lines_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConnectError, match="a control character is in it"):
+        resolved(tmp_path, "Match all\n  Port 99\n", ssh_options=(("setenv", '"A=1\nproxycommand x"'),))
+
+
+@pytest.mark.skipif(not shutil.which("ssh"), reason="needs openssh-client")
 def test_an_address_that_looks_like_an_option_is_none(tmp_path: Path) -> None:
     with pytest.raises(ConnectError, match="is no host or user name"):
         resolved(tmp_path, "Match all\n  Port 5\n", address="-oProxyCommand=touch${IFS}/tmp/x")

@@ -19,6 +19,7 @@ from typing import Any
 
 import pytest
 
+import srprov
 from srprov.codes import Code
 from srprov.definitions.model import Host
 from srprov.errors import ConnectError, DeadlineError, TransportError
@@ -30,6 +31,7 @@ from srprov.transport.pool import Sessions
 from srprov.transport.workers import link, processes
 from srprov.transport.workers.counting import shard, wanted_workers
 from srprov.transport.workers.far_session import FarSession
+from srprov.transport.workers.program import start_words
 from srprov.transport.workers.sealed import packed, unpacked
 from srprov.wire import AnyQuery, EngineQuery, Put, Query, Run
 from tests.unit.transport.waiting import wait_until
@@ -275,6 +277,18 @@ def test_no_program_that_a_worker_starts_can_keep_its_socket() -> None:
         for pid in pids(sessions):
             flags = [re.search(r"flags:\s+0(\d+)", info) for info in infos_of_sockets(pid)]
             assert flags and all(found and int(found[1], 8) & os.O_CLOEXEC for found in flags)
+
+
+def test_a_worker_imports_nothing_of_the_folder_at_hand(tmp_path: Path) -> None:
+    """It is a stranger's, perhaps. Python 3.13 imports `linecache` before it looks at `-c`."""
+    for name in ("linecache", "encodings", "site", "re", "os"):
+        (tmp_path / f"{name}.py").write_text("open('ran', 'w')")
+    words = [*start_words(99, home=False)[:-1], "import srprov.transport.workers.worker"]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
+    assert not done.stderr and not (tmp_path / "ran").exists()
+    sources = (path.read_text() for path in Path(srprov.__file__).parent.rglob("*.py"))
+    started = [word for text in sources for word in re.findall(r"sys\.executable,\s*(\S+)", text)]
+    assert len(started) >= 3 and set(started) == {'"-I",'}
 
 
 @as_root
