@@ -8,6 +8,9 @@ CHECKED := $(wildcard $(SOURCES))
 WORKERS ?= 2
 # How long `make soak` mutates files.
 FUZZ_SECONDS ?= 3600
+# Tests start hundreds of processes: where Python is told to keep no compiled files, each compiles all that it imports,
+# and pytest rewrites every test anew.
+unexport PYTHONDONTWRITEBYTECODE
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 .PHONY: help setup demo evidence docs recording test unit soak lint fmt errors type clean bench-assignment bench-transfer bench-images bench-provisioning bench-trials bench-network bench-containers

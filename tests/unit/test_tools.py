@@ -60,6 +60,14 @@ def test_the_files_that_two_processes_begin_with_are_there() -> None:
     assert [name for name in effort.LONGEST if not (ROOT / "tests" / f"{name}.py").exists()] == []
 
 
+def test_what_make_starts_keeps_what_it_compiles() -> None:
+    """Otherwise each of the processes that tests start compiles all that it imports."""
+    words = ["make", "-s", "-C", str(ROOT), "--eval", "shown: ; @env", "shown"]
+    env = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
+    shown = subprocess.run(words, check=True, capture_output=True, text=True, env=env).stdout
+    assert "PATH=" in shown and "PYTHONDONTWRITEBYTECODE" not in shown
+
+
 def test_two_processes_take_files_of_the_lab_and_others_in_turn() -> None:
     files = [
         ROOT / "tests" / f"{name}.py" for name in ("unit/a", "unit/b", "unit/c", "unit/d", "lab/e", *effort.LONGEST[:1])
