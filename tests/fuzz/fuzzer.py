@@ -31,8 +31,8 @@ _TRIES = 3
 MEMORY_BYTES = 300 * 1024 * 1024
 STALLED_S = 60
 """Of the clock, while other tests run as well; then an input counts as one that never ends."""
-_ROUND = 15
-"""Examples of one surface before it is the next one's turn."""
+_ROUND = 5
+"""Examples of one surface before it is the next one's turn; a turn of all takes half a minute."""
 _SAME_FAULT = 3
 """How often the same fault is told."""
 
