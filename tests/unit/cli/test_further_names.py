@@ -87,8 +87,8 @@ alone, and variables that nothing uses."""
 
 
 def texts_for(name: str) -> tuple[str, ...]:
-    """Return with what a file is tried: words that cannot be read there, a comment, a value."""
-    return (WRONG, f"{PROJECT[name]}# {CANARY}\n", *([VALUES[name]] if name in VALUES else []))
+    """Return with what a file is tried: words that cannot be read there; a value, if it may have one, and a comment."""
+    return (WRONG, f"{VALUES.get(name, PROJECT[name])}\n# {CANARY}\n")
 
 
 @pytest.fixture
