@@ -4,10 +4,10 @@ import json
 import math
 from collections.abc import Callable
 
-import jsonschema
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from jsonschema import Draft202012Validator
 
 from srprov import data
 from srprov.cli.facts_table import facts_table
@@ -118,6 +118,8 @@ def reply_to(probe: str) -> st.SearchStrategy[Reply]:
 engine_reply = st.builds(
     Reply, status=st.sampled_from([0, 200, 404, 500]), out=engine.map(json.dumps) | raw, err=raw, ok=st.booleans()
 )
+FITS = Draft202012Validator(data.schema("facts"))
+"""Made once: `jsonschema.validate` looks at the schema itself each time."""
 all_replies = st.tuples(*(reply_to(probe.name) for probe in PROBES), *(engine_reply for _ in ENGINE))
 
 
@@ -139,7 +141,7 @@ def test_no_parser_raises(probe: object) -> None:
 def test_facts_are_plain_and_bounded(replies: tuple[Reply, ...], now: float | None, later: Reply | None) -> None:
     facts = parse_host(HOST, replies, None, now=now, later=later)
     document = facts_document({"robot1": facts}, {})
-    jsonschema.validate(json.loads(json.dumps(document, allow_nan=False)), data.schema("facts"))
+    FITS.validate(json.loads(json.dumps(document, allow_nan=False)))
     assert all(text.isprintable() for text in _texts(document["robots"]))
     assert all(math.isfinite(n) for n in (facts.load1, facts.clock_offset_s, facts.speed_mbit, facts.traffic_mbit))
     assert 1 <= facts.cpus <= 4096
