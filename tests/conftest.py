@@ -21,8 +21,8 @@ LEAST = 20
 
 
 def examples(most: int) -> int:
-    """Return how many examples a test takes that takes `most` in the long profile: a quarter, but not too few."""
-    return most if PROFILE == "long" else max(min(most, LEAST), most // 4)
+    """Return how many examples a test takes that takes `most` in the long profile: an eighth, but not too few."""
+    return most if PROFILE == "long" else max(min(most, LEAST), most // 8)
 
 
 # the same examples in each run: red says that something changed; new ones are looked for in the long profile

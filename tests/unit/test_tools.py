@@ -77,7 +77,7 @@ def test_two_processes_take_files_of_the_lab_and_others_in_turn() -> None:
 
 
 @pytest.mark.parametrize(
-    ("profile", "most", "taken"), [("quick", 400, 100), ("quick", 60, 20), ("quick", 9, 9), ("long", 400, 400)]
+    ("profile", "most", "taken"), [("quick", 400, 50), ("quick", 60, 20), ("quick", 9, 9), ("long", 400, 400)]
 )
 def test_property_tests_take_few_examples_by_default(
     monkeypatch: pytest.MonkeyPatch, profile: str, most: int, taken: int
