@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import kubernetes_validate
 import pytest
+from kubernetes_validate import utils
 
 from tests.unit.exporting.clusters import documents, on_cluster
 from tests.unit.exporting.exports import experiment
@@ -14,6 +17,14 @@ from tests.unit.exporting.test_kubernetes import FULL
 
 EXAMPLES = sorted((Path(__file__).resolve().parents[3] / "examples").glob("*/*.edf"))
 VERSIONS = [f"1.{minor}" for minor in range(25, 38)]
+
+
+@pytest.fixture(autouse=True, scope="module")
+def read_once() -> Iterator[None]:
+    """Keep the schemas, megabytes of which are otherwise read anew for each document."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(utils, "schema_contents", functools.cache(utils.schema_contents))
+        yield
 
 
 def manifests(edf: Path) -> list[dict[str, Any]]:
