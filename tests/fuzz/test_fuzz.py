@@ -1,4 +1,4 @@
-"""Half a minute of mutated files under the kernel's eye; `make soak` takes an hour (FUZZ_SECONDS says how long)."""
+"""A minute of mutated files under the kernel's eye; `make soak` takes an hour (FUZZ_SECONDS says how long)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from srprov.definitions import check_files
 from tests.fuzz.foreign import Kept
 from tests.fuzz.surfaces import prepare, surfaces
 
-SECONDS = float(os.environ.get("FUZZ_SECONDS", "30"))
+SECONDS = float(os.environ.get("FUZZ_SECONDS", "60"))
 # the same mutants in each run, as tests/conftest.py has it for examples; new ones are looked for by `make soak`
 SEED = [] if "FUZZ_SECONDS" in os.environ else ["--seed", "1"]
 ROOT = Path(__file__).resolve().parents[2]
