@@ -18,6 +18,9 @@ RESERVED = frozenset({"localhost", "ip6-localhost", "ip6-loopback", "ip6-allnode
 OWN_LABELS, DOCKERS_LABELS = "srprov", ("com.docker", "io.docker", "org.dockerproject")
 """How labels of containers begin by which srprov, or a program of Docker's, knows its own."""
 
+_MOST_BYTES = 200
+"""Of a name, which is that of files, too, with an ending each; a file's name has 255 at most."""
+
 _RULES = {
     # it is a word of commands, also of those that an export's script runs, which take `-x` for an option
     "instance": (
@@ -30,8 +33,8 @@ _RULES = {
         "lower-case letters, digits, '_' and '-', 63 at most, starting and ending with a letter or digit",
     ),
     "robot": (
-        re.compile(r"\w[\w.:@%+-]{0,252}"),
-        "letters, digits and any of . _ - : @ % +, 253 at most, starting with a letter or digit",
+        re.compile(r"\w[\w.:@%+-]{0,199}"),
+        "letters, digits and any of . _ - : @ % +, 200 bytes at most, starting with a letter or digit",
     ),
     "site": (
         re.compile(r"[a-z0-9][a-z0-9_-]{0,62}"),
@@ -49,7 +52,8 @@ def fault(kind: str, name: str) -> str:
     rule, words = _RULES[kind]
     if kind == "service" and name in RESERVED:
         return f"'{name}' already means something in every hosts file"
-    return "" if rule.fullmatch(name) else f"{name[:60]!r} cannot be the name of {_article(kind)}: {words}"
+    is_name = rule.fullmatch(name) and len(name.encode("utf-8", "surrogatepass")) <= _MOST_BYTES
+    return "" if is_name else f"{name[:60]!r} cannot be the name of {_article(kind)}: {words}"
 
 
 def valid(kind: str, name: object) -> bool:

@@ -27,7 +27,7 @@ from tests.unit.planning.test_policy import experiment
 ROOT = Path(__file__).parents[2]
 _OUTSIDE = ("../../../etc", "a/b", "..", ".", "ä/")
 _OF_COMMANDS = ("-x", "--prune", "a b", "$(id)", "-a\0")
-HOSTILE = (*_OUTSIDE, *_OF_COMMANDS, "", "a\n", "a\x1b[2J", "a" * 300)
+HOSTILE = (*_OUTSIDE, *_OF_COMMANDS, "", "a\n", "a\x1b[2J", "a" * 201, "é" * 101)
 
 
 @pytest.mark.parametrize("kind", ["instance", "service", "robot"])

@@ -22,7 +22,7 @@ from srprov.definitions.model import Host
 from srprov.errors import ConnectError, DeadlineError, TransportError
 from srprov.session import Traffic
 from srprov.transport.deadline import Deadline
-from srprov.transport.openssh import host_keys, sockets
+from srprov.transport.openssh import host_keys, revoked, sockets
 from srprov.transport.openssh.algorithms import transport_for
 from srprov.transport.openssh.auth import Login
 from srprov.transport.openssh.limits import Flooded
@@ -48,6 +48,8 @@ class _Policy(paramiko.MissingHostKeyPolicy):
 
     def missing_host_key(self, _client: Any, _hostname: str, key: Any) -> None:  # noqa: ANN401 - paramiko's signature
         """Accept the key or raise HostKeyError."""
+        if self._settings.revoked_host_keys:
+            revoked.check(self._settings.name, self._settings.revoked_host_keys, key.get_name(), key.asbytes())
         host_keys.check(self._settings, self._known, key.get_name(), key.asbytes())
 
 

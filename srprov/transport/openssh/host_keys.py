@@ -193,8 +193,8 @@ def _unknown(settings: SshSettings, kind: str, blob: bytes, authority: bool) -> 
     if settings.proxy_jump or settings.proxy_command or settings.host_key_alias:
         name, bare = names_of(settings)
         # where ssh knows the key by the bare name, it would ask nothing and write nothing
-        alias = ("-o", f"HostKeyAlias={name}") if bare else ()
-        how = f"connect to it once with ssh, which asks: {sh('ssh', *alias, settings.name)}"
+        alias = ("-o", f"HostKeyAlias={name}") if bare or settings.host_key_alias else ()
+        how = f"connect to it once with ssh, which asks: {sh('ssh', *alias, settings.address)}"
     else:
         port = ("-p", str(settings.port)) if settings.port != 22 else ()
         hashed = () if stands_plain(settings, names_of(settings)[0]) else ("-H",)

@@ -77,15 +77,19 @@ def _check_known(name: str, command: str) -> None:
         raise ConnectError(name, wrong, hint="name the inventory of that time with -i", code=Code.SSH_CONFIG)
 
 
+def _check_port(name: str, port: str) -> None:
+    if not re.fullmatch("[0-9]{1,5}", port) or not 0 < int(port) < _PORTS:
+        wrong, hint = f"port {port!r} is not within 1 to 65535", "correct ansible_port or ssh_config"
+        raise ConnectError(name, wrong, hint=hint, code=Code.SSH_CONFIG)
+
+
 def _settings(
     host: Host, config: _Config, ssh_config: Path | None, inherited: tuple[tuple[str, str], ...]
 ) -> SshSettings:
     """Type the values and expand what is in them."""
     hostname = config.one("hostname", host.address).replace("%h", host.address)
     user, port = config.one("user", getpass.getuser()), config.one("port", "22")
-    if not re.fullmatch("[0-9]{1,5}", port) or not 0 < int(port) < _PORTS:
-        wrong, hint = f"port {port!r} is not within 1 to 65535", "correct ansible_port or ssh_config"
-        raise ConnectError(host.name, wrong, hint=hint, code=Code.SSH_CONFIG)
+    _check_port(host.name, port)
     alias, proxy = config.one("hostkeyalias") or None, config.chosen("proxycommand")
     names = (hostname, host.address, user, alias or "")
     check_parts(host.name, names)
@@ -97,6 +101,7 @@ def _settings(
     checking, timeout = config.one("stricthostkeychecking", "yes").lower(), config.one("connecttimeout")
     return SshSettings(
         name=host.name,
+        address=host.address,
         hostname=hostname,
         port=int(port),
         user=user,
@@ -109,6 +114,7 @@ def _settings(
         global_known_hosts=_paths(
             words(config.one("globalknownhostsfile", "/etc/ssh/ssh_known_hosts /etc/ssh/ssh_known_hosts2")), tokens
         ),
+        revoked_host_keys=expand(config.chosen("revokedhostkeys").strip('"'), tokens) or None,
         host_key_alias=alias,
         accept_new=checking == "accept-new",
         asked_for_no=checking in ("no", "off", "false"),

@@ -15,6 +15,8 @@ class SshSettings:
 
     name: str
     """The robot's name in the inventory."""
+    address: str
+    """What the inventory gives for it, as ssh_config knows it."""
     hostname: str
     port: int = 22
     user: str
@@ -28,6 +30,7 @@ class SshSettings:
     known_hosts: tuple[str, ...] = ()
     """UserKnownHostsFile; the first is the one that accept-new adds to."""
     global_known_hosts: tuple[str, ...] = ()
+    revoked_host_keys: str | None = None
     host_key_alias: str | None = None
     accept_new: bool = False
     asked_for_no: bool = False

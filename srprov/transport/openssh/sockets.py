@@ -175,6 +175,7 @@ class ProxyProcess:
             self._process = subprocess.Popen(
                 ["/bin/sh", "-c", f"exec {command}"],
                 stdin=theirs.fileno(), stdout=theirs.fileno(), stderr=self._complaints, start_new_session=True,
+                cwd="/",  # the folder at hand may be a stranger's: no name in it means anything to the command
             )  # fmt: skip
         except OSError as error:
             self.socket.close()

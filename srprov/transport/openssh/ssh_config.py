@@ -25,7 +25,8 @@ ADDS_UP = frozenset({"identityfile", "certificatefile"})
 DEFAULT_KEYS = ("id_ed25519", "id_ecdsa", "id_rsa")
 
 _BEYOND_PARAMIKO = re.compile(r"^[^\S\n]*(include|match)\b[^\S\n]*=?[^\S\n]*(.*)$", re.IGNORECASE | re.MULTILINE)
-_NO_WORD = re.compile(r"^-|[\s\x00-\x1f\x7f'`\"$\\;&<>|(){}]")
+_WORD = re.compile(r"[\w.:@%+,=/][\w.:@%+,=/-]*")
+"""What is one word to a shell, whatever lies in the folder at hand: no pattern of file names, too."""
 _IN_COMMANDS = ("user", "hostname", "hostkeyalias")
 """Keywords whose values stand for %r, %h and %k in commands."""
 _SSH_G_KEYS = frozenset({*DEFAULT_KEYS, "id_ecdsa_sk", "id_ed25519_sk", "id_xmss", "id_dsa"})
@@ -89,11 +90,13 @@ def _ssh_g(name: str, address: str, given: Mapping[str, Sequence[str]], chosen: 
     check_words(name, [address, *(word for key in _IN_COMMANDS for word in given.get(key, ()))])
     settings = [f"{key}={value}" for key, values in given.items() if key not in ADDS_UP for value in values]
     _check_lines(name, settings)
-    command = ["ssh", "-G", *(["-F", str(chosen)] if chosen else []), *(f"-o{one}" for one in settings)]
+    command = ["ssh", "-G", *(["-F", os.path.abspath(chosen)] if chosen else []), *(f"-o{one}" for one in settings)]
     try:
         done = subprocess.run(
-            [*command, "--", address], capture_output=True, text=True, timeout=10, stdin=subprocess.DEVNULL, check=False
-        )
+            [*command, "--", address],
+            capture_output=True, text=True, timeout=10, stdin=subprocess.DEVNULL, check=False,
+            cwd="/",  # `Match exec` runs there: the folder at hand may be a stranger's
+        )  # fmt: skip
     except FileNotFoundError:
         hint = "install openssh-client, or write the configuration without Include and Match"
         raise ConnectError(
@@ -139,7 +142,7 @@ def check_words(name: str, words: Iterable[str]) -> None:
         ConnectError: A host or user name holds what means something to a shell, or would be read as an option.
     """
     for word in words:
-        if _NO_WORD.search(word):
+        if word and not _WORD.fullmatch(word):
             hint = "ProxyCommand and Match exec are run by a shell: correct ansible_host, ansible_user or ssh_config"
             raise ConnectError(
                 name, f"{word[:80]!r} is no host or user name for a command", hint=hint, code=Code.SSH_CONFIG
@@ -147,14 +150,15 @@ def check_words(name: str, words: Iterable[str]) -> None:
 
 
 def check_parts(name: str, words: Iterable[str]) -> None:
-    """Refuse what would be more than a part of a path, as `UserKnownHostsFile ~/.ssh/known/%r` has it.
+    """Refuse what would be more than a part of a path, as `UserKnownHostsFile ~/.ssh/known/%r` has it, or an option.
 
     Raises:
-        ConnectError: A host or user name has a slash, or is all that leads to another folder.
+        ConnectError: A host or user name has a slash, begins with `-`, or is all that leads to another folder.
     """
     for word in words:
-        if "/" in word or word in (".", ".."):
+        if "/" in word or word in (".", "..") or word.startswith("-"):
             why = "it has a slash" if "/" in word else "it leads to another folder"
+            why = "it begins with '-'" if word.startswith("-") else why
             hint = "ssh_config may put it into the name of a file: correct ansible_host, ansible_user or ssh_config"
             raise ConnectError(name, f"{word[:80]!r} is no host or user name: {why}", hint=hint, code=Code.SSH_CONFIG)
 

@@ -3,12 +3,14 @@ from __future__ import annotations
 import base64
 import hashlib
 import hmac
+import shlex
+import subprocess
 from pathlib import Path
 
 import pytest
 
 from srprov.errors import HostKeyError
-from srprov.transport.openssh import host_keys
+from srprov.transport.openssh import host_keys, revoked
 from srprov.transport.openssh.host_keys import check, fingerprint, known_keys, matches, names_of
 from srprov.transport.openssh.settings import SshSettings
 
@@ -21,7 +23,14 @@ def b64(blob: bytes) -> str:
 
 
 def settings(file: Path, **more: object) -> SshSettings:
-    values = {"name": "r1", "hostname": "Bot.lan", "port": 22, "user": "root", "known_hosts": (str(file),)}
+    values = {
+        "name": "r1",
+        "address": "bot",
+        "hostname": "Bot.lan",
+        "port": 22,
+        "user": "root",
+        "known_hosts": (str(file),),
+    }
     return SshSettings(**{**values, **more})  # type: ignore[arg-type]
 
 
@@ -110,8 +119,8 @@ def test_hints_fit_how_the_robot_is_reached(tmp_path: Path) -> None:
 
     assert f"ssh-keyscan -t ecdsa Bot.lan >> {tmp_path}/k" in hint()
     assert "ssh-keyscan -p 2222 -t ecdsa" in hint(port=2222)
-    assert "ssh r1" in hint(proxy_jump=("gate",)) and "ssh-keyscan" not in hint(proxy_jump=("gate",))
-    assert "ssh -o 'HostKeyAlias=[bot.lan]:2222' r1" in hint(proxy_jump=("gate",), port=2222)
+    assert "ssh bot" in hint(proxy_jump=("gate",)) and "ssh-keyscan" not in hint(proxy_jump=("gate",))
+    assert "ssh -o 'HostKeyAlias=[bot.lan]:2222' bot" in hint(proxy_jump=("gate",), port=2222)
     assert "name a file" in hint(known_hosts=("/dev/null",))
     assert "ssh_host_ecdsa_key.pub" in hint()
     # by an inventory's word no name stands in a file that somebody may run, by whomever it is written
@@ -213,3 +222,46 @@ def test_a_name_stands_in_the_user_s_own_file(tmp_path: Path) -> None:
     file = tmp_path / "known_hosts"
     check(settings(file, accept_new=True), [], "ssh-ed25519", BLOB)
     assert file.read_text().startswith("bot.lan ssh-ed25519 ")
+
+
+@pytest.mark.parametrize(
+    "more", [{"proxy_jump": ("gate",)}, {"host_key_alias": "the-bot"}, {"port": 2222, "proxy_command": "x"}]
+)
+def test_the_command_that_asks_names_the_address_and_no_robot(tmp_path: Path, more: dict[str, object]) -> None:
+    """A robot of a stranger's experiment may be called `user@host`: that is where the command would lead."""
+    of_robot = settings(tmp_path / "known", name="trap@203.0.113.9", **more)
+    with pytest.raises(HostKeyError) as unknown:
+        check(of_robot, [], "ssh-ed25519", BLOB)
+    command = shlex.split(unknown.value.hint.rpartition("which asks: ")[2])
+    alias = ["-o", f"HostKeyAlias={names_of(of_robot)[0]}"] if "proxy_jump" not in more else []
+    assert command == ["ssh", *alias, "bot"]
+
+
+def _keys(folder: Path) -> tuple[bytes, bytes]:
+    for name in ("one", "two"):
+        run = ["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(folder / name)]
+        subprocess.run(run, check=True)
+    one, two = (base64.b64decode((folder / f"{name}.pub").read_text().split()[1]) for name in ("one", "two"))
+    return one, two
+
+
+@pytest.mark.parametrize("kind", ["list", "krl"])
+def test_a_key_in_revoked_host_keys_is_refused(tmp_path: Path, kind: str) -> None:
+    gone, good = _keys(tmp_path)
+    file = tmp_path / "revoked"
+    if kind == "krl":
+        subprocess.run(["ssh-keygen", "-q", "-k", "-f", str(file), str(tmp_path / "one.pub")], check=True)
+    else:
+        file.write_text(f"# gone\n{(tmp_path / 'one.pub').read_text()}")
+    revoked.check("r1", str(file), "ssh-ed25519", good)
+    with pytest.raises(HostKeyError, match="its host key is revoked by"):
+        revoked.check("r1", str(file), "ssh-ed25519", gone)
+
+
+@pytest.mark.parametrize("content", [None, b"SSHKRL\n\0rubbish"])
+def test_where_revoked_host_keys_cannot_be_read_no_key_is_believed(tmp_path: Path, content: bytes | None) -> None:
+    file = tmp_path / "revoked"
+    if content is not None:
+        file.write_bytes(content)
+    with pytest.raises(HostKeyError, match="nobody knows whether its host key is revoked"):
+        revoked.check("r1", str(file), "ssh-ed25519", BLOB)

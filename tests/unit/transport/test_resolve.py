@@ -11,6 +11,7 @@ from srprov.errors import ConnectError
 from srprov.transport.openssh.connection import parse_hop
 from srprov.transport.openssh.resolve import expand, resolve
 from srprov.transport.openssh.settings import SshSettings
+from srprov.transport.openssh.sockets import ProxyProcess
 
 
 def resolved(tmp_path: Path, text: str = "", **host: object) -> SshSettings:
@@ -45,6 +46,7 @@ Host bot other
     ProxyJump ann@gate:2222,inner
     HostKeyAlias the-bot
     HashKnownHosts yes
+    RevokedHostKeys ~/revoked-%r
     ConnectTimeout 3
 Host *
     User late
@@ -57,7 +59,7 @@ def test_ssh_config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert (found.hostname, found.port, found.user) == ("bot.lan", 2200, "conf")
     assert found.identity_files[1] == "/with space/key" and found.identities_configured and found.identities_only
     assert found.known_hosts == ("/home/me/one", "/two words/the-bot", "/home/me/three")
-    assert found.accept_new and found.hash_known_hosts
+    assert found.accept_new and found.hash_known_hosts and found.revoked_host_keys == "/home/me/revoked-conf"
     assert found.proxy_jump == ("ann@gate:2222", "inner")
     assert (found.host_key_alias, found.connect_timeout_s) == ("the-bot", 3.0)
 
@@ -179,6 +181,12 @@ WORDS = [
     'a"b',
     "a>b",
     "a\\b",
+    "*.lan",  # names of files in the folder at hand, for a shell
+    "b?t",
+    "[b]ot",
+    "{a,b}",
+    "~root",
+    "a#b",
 ]
 
 
@@ -191,9 +199,9 @@ def test_a_proxy_command_gets_no_shell_text_as_a_name(tmp_path: Path, where: str
     if where == "HostName" and set(word) & set('\n"\\'):
         return  # ssh_config cannot hold it
     given = {} if where == "HostName" else {where: word}
-    with pytest.raises(ConnectError, match="is no host or user name for a command"):
+    with pytest.raises(ConnectError, match="is no host or user name"):
         resolved(tmp_path, text, ssh_options=proxied, **given)
-    assert resolved(tmp_path, text, **given).proxy_command is None
+    assert word.startswith("-") or resolved(tmp_path, text, **given).proxy_command is None
 
 
 @pytest.mark.parametrize("where", ["address", "user", "hostname", "hostkeyalias"])
@@ -214,6 +222,22 @@ def test_no_name_leads_to_another_file(tmp_path: Path, given: dict[str, object])
     """A project names its robots, and the user's own file may have known hosts of each in a file of its own."""
     with pytest.raises(ConnectError, match="it has a slash"):
         resolved(tmp_path, f"Host *\n  UserKnownHostsFile {tmp_path}/%k/%r\n", **given)
+
+
+def test_no_command_of_ssh_config_runs_in_the_folder_at_hand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It may be a stranger's, and hold what a pattern of file names in a command means there."""
+    monkeypatch.chdir(tmp_path)
+    assert resolved(tmp_path, 'Match exec "test $(pwd) = /"\n  Port 2222\n').port == 2222
+    process = ProxyProcess("r1", "pwd")
+    assert process.socket.recv(100) == b"/\n"
+    process.close()
+
+
+@pytest.mark.parametrize("where", ["address", "user"])
+def test_no_name_is_an_option(tmp_path: Path, where: str) -> None:
+    """A message has it in a command of ssh's."""
+    with pytest.raises(ConnectError, match="it begins with '-'"):
+        resolved(tmp_path, **{where: "-oProxyCommand=id"})
 
 
 def test_no_user_is_the_folder_above(tmp_path: Path) -> None:
