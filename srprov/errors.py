@@ -64,8 +64,8 @@ def _remade(kind: type[SrprovError], arguments: tuple[object, ...]) -> SrprovErr
 
 
 def indented(text: str) -> str:
-    """Return a text whose further lines do not begin as one of srprov's own."""
-    return _FURTHER.sub("\n  ", text)
+    """Return a text whose further lines do not begin as one of srprov's own, also when nothing but them is printed."""
+    return _FURTHER.sub("\n  ", "\n".join(visible(line) for line in text.split("\n")))
 
 
 def with_code(message: str, code: Code) -> str:

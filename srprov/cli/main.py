@@ -21,6 +21,7 @@ from srprov.cli.config import default_map
 from srprov.cli.interrupt import as_interrupt
 from srprov.cli.output import Answer, below, err, err_whole, print_uncaught
 from srprov.cli.streams import lost, protect_standard_streams
+from srprov.cli.surroundings import keep_to_whole_paths
 from srprov.cli.variables import name_variables
 from srprov.codes import Code
 from srprov.errors import DefinitionError, NoAssignment, SrprovError, TransportError, UsageError, visible
@@ -117,6 +118,7 @@ def cli() -> None:
 
 def run(arguments: list[str] | None = None) -> int:
     """Run one command line and return its exit code; whatever goes wrong becomes a message and a documented code."""
+    keep_to_whole_paths(os.environ)
     try:
         completes = (sys.argv[1:] if arguments is None else arguments)[:1] == ["completion"]
         # a line is completed where a configuration file has a mistake, too
@@ -183,7 +185,7 @@ def show_error(error: SrprovError) -> None:
     if isinstance(error, NoAssignment):
         for service, reasons in sorted(error.misses.items()):
             for robot, reason in sorted(reasons.items()):
-                err(f"  {service} cannot run on {robot}: {reason}")
+                err(f"  {service} cannot run on {robot}: {visible(reason)}")
     if error.hint:
         tell(f"  {visible(error.hint)}")
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from srprov import __version__
 from srprov.codes import Code
-from srprov.errors import Diagnostic, indented, visible
+from srprov.errors import Diagnostic, visible
 
 _WIDEST = 120
 """Columns of a source line that are shown; of a longer one, the part around the caret."""
@@ -26,11 +26,11 @@ def render_problems(problems: Sequence[Diagnostic], word: str = "error") -> str:
 
 def _render(problem: Diagnostic, word: str) -> str:
     where = f"  [{visible(problem.path)}]" if problem.path else ""
-    lines = [f"{visible(str(problem.location))}: {word}[{problem.code}]: {indented(problem.message)}{where}"]
+    lines = [f"{visible(str(problem.location))}: {word}[{problem.code}]: {visible(problem.message)}{where}"]
     if problem.excerpt.strip():
         lines += _caret(problem.excerpt, problem.location.column)
     if problem.hint:
-        lines.append(f"    hint: {indented(problem.hint)}")
+        lines.append(f"    hint: {visible(problem.hint)}")
     return "\n".join(lines)
 
 

@@ -63,7 +63,7 @@ def look(reader: Reader, name: str) -> Seen:
     Raises:
         TransportError: It cannot be talked to any more.
     """
-    notes = Notes()
+    notes = Notes(robot=name)
     replies = reader.ask([*(question.query() for question in QUESTIONS), *ENGINE])
     host = read_host(replies[: len(QUESTIONS)], notes)
     listed, info = replies[len(QUESTIONS) :]

@@ -49,6 +49,7 @@ _NEVER_RUN = {
     "removing": "container is removing",
 }
 """State of a container that is made anew -> the cause of that."""
+_STATE = re.compile(r"[a-z]{1,20}")
 _HEALTH = re.compile(r"\((healthy|unhealthy|health: starting)\)")
 
 
@@ -203,7 +204,7 @@ def _state_of(item: Mapping[str, Any], labels: Mapping[str, str]) -> dict[str, A
         "image": string(item.get("Image")),
         "id": string(item.get("Id"))[:12],
         "unstarted": string(item.get("Id"))[:12] if item.get("State") == "created" else "",
-        "state": string(item.get("State")),
+        "state": state if _STATE.fullmatch(state := string(item.get("State"))) else "",
         "status": status,
         "exit_code": int(exited.group(1)) if exited else None,
         "health": health.group(1).replace("health: ", "") if health else "",

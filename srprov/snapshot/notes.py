@@ -35,6 +35,8 @@ class Note(msgspec.Struct, frozen=True):
 class Notes:
     """The notes of one robot, as they are found."""
 
+    robot: str = ""
+    """Its name in the inventory."""
     found: list[Note] = field(default_factory=list)
     left_out: int = 0
     """Notes beyond the most that are kept."""

@@ -175,12 +175,12 @@ def fetchable(url: str, subject: str, notes: Notes) -> str:
         notes.lost(subject, f"its remote is of a kind that is not fetched from ({scheme[0] if scheme else 'a path'})")
         return ""
     if address.scheme == "file":
-        if shlex.quote(address.path) != address.path:
+        # not at the same path: a robot may name any, also of a repository that is the user's own here, or another one's
+        here = posixpath.join(CLONES, notes.robot, address.path[1:])
+        if shlex.quote(here) != here:
             # a value that the robot calls a secret would be taken out of the command, and quotes with it
             notes.lost(subject, "its remote is a folder of the robot whose name needs quotes: it is not fetched from")
             return ""
-        # not at the same path: a robot may name any, also of a repository that is the user's own here
-        here = CLONES + address.path
         clone = f"git clone --bare ssh://ROBOT{address.path} {here}"
         notes.adapted(subject, f"its remote {address.path} is a folder of the robot: {clone}, which the CDF names")
         return f"file://{here}"

@@ -70,7 +70,9 @@ class EngineStreams(abc.ABC):
         """Unpack a tar in a folder of a container."""
         from srprov.transport.container_tar import begun
 
-        self._files(container).copy_into(container, folder, begun(tar))
+        # whoever makes the tar may take his time, and the container be started meanwhile: its way is chosen after that
+        tar = begun(tar)
+        self._files(container).copy_into(container, folder, tar)
 
     def _files(self, container: str) -> ContainerFiles:
         """Return the way to a container's files that no container turns."""

@@ -90,10 +90,10 @@ def test_a_robot_that_was_set_up_by_hand_becomes_an_experiment(
     )
     places = {one["path"]: one for one in cdf["repositories"]}
     # a path of the robot's choice would be this machine's own folder
-    clone = Path(f"{CLONES}{repository}")
+    clone = Path(f"{CLONES}/{ROBOT}{repository}")
     assert places[WORKSPACE] == {"git": f"file://{clone}", "ref": commit, "path": WORKSPACE}
     assert f"git clone --bare ssh://ROBOT{repository} {clone}" in str(notes(done.json, "adapted"))
-    request.addfinalizer(lambda: shutil.rmtree(f"{CLONES}{tmp_path}", ignore_errors=True))
+    request.addfinalizer(lambda: shutil.rmtree(f"{CLONES}/{ROBOT}{tmp_path}", ignore_errors=True))
     subprocess.run(["git", "clone", "-q", "--bare", str(repository), str(clone)], check=True)
     assert places["/usr/src/srprov-pip/by-hand"]["ref"] == commit
     patch = (folder / ROBOT / "patches" / "0.patch").read_text(encoding="utf-8")

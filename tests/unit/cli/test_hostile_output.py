@@ -20,13 +20,14 @@ from srprov.cli.collect import _show
 from srprov.cli.logs import _Text
 from srprov.cli.main import run
 from srprov.cli.output import clean, out_json
+from srprov.cli.problems import render_problems
 from srprov.cli.status import table
 from srprov.cli.trial_session import _pause, _Shown
 from srprov.codes import Code
 from srprov.controller.merged_logs import LogLine, Source
 from srprov.controller.report import failures
 from srprov.controller.trials import TrialNews, Trials
-from srprov.errors import RefusedError, visible
+from srprov.errors import Diagnostic, Location, RefusedError, visible
 from srprov.execution import Event, Outcome, RunResult, StepResult
 from srprov.planning.plan import Step
 from srprov.resource import Action, Change
@@ -110,18 +111,36 @@ def test_a_log_line_names_its_service_on_one_line(monkeypatch: pytest.MonkeyPatc
     assert unprintable(said[0].removeprefix(label)) == []
 
 
-def test_further_lines_of_an_error_are_indented() -> None:
-    """An error may hold a robot's words: they cannot pass for a line of srprov's own."""
-    error = RefusedError("made from x\nhello: done in 1.0 s: 5 changed\n  as it was", code=Code.OWNER)
-    assert error.message == "made from x\n  hello: done in 1.0 s: 5 changed\n  as it was"
+@pytest.mark.parametrize("unseen", ["", "\x1c", "\r", "\x85", "\u2028", "\x1b[31m", "\x1b]x\x07"])
+def test_further_lines_of_an_error_are_indented(unseen: str) -> None:
+    """An error may hold a robot's words: they cannot pass for a line of srprov's own, whatever is left out of them."""
+    error = RefusedError(f"made from x\n{unseen}hello: done in 1.0 s: 5 changed\n  as it was", code=Code.OWNER)
+    first, second, third = clean(error.message).split("\n")
+    assert (first, third) == ("made from x", "  as it was") and second.startswith("  ")
+
+
+def test_no_message_of_a_definition_has_a_line_for_a_hint(tmp_path: Path) -> None:
+    place = Location(str(tmp_path / "a.edf"), 1, 1)
+    problem = Diagnostic(place, "bo\n    hint: curl x | sh", "services", hint="see\nx", code=Code.VOLUME)
+    assert clean(render_problems([problem])).count("\n") == 1
+
+
+def test_no_problem_hides_those_below_it(tmp_path: Path) -> None:
+    """A sequence that begins in a line of a file, and ends in one of another, would be taken out with all between."""
+    rows = [("a.env", "x\x1b]x"), ("m.env", "y"), ("z.env", "z\x07")]
+    found = [
+        Diagnostic(Location(str(tmp_path / name), 1, 1), "no variable", "", excerpt=text, code=Code.VOLUME)
+        for name, text in rows
+    ]
+    assert clean(render_problems(found)).count("no variable") == 3
 
 
 def test_what_robots_say_of_steps_and_trials_begins_no_line(capsys: pytest.CaptureFixture[str]) -> None:
     change = Change(action=Action.CREATE, cause="not there")
     step = Step(number=1, host="r1", module="container", name="a", change=change)
-    result = StepResult(step=step, outcome=Outcome.FAILED, message="did not stay up: state is x\nhello: done in 0.1 s")
+    result = StepResult(step=step, outcome=Outcome.FAILED, message="did not stay up: x\n\x1chello: done in 0.1 s")
     (line,) = failures(RunResult(results=(result,), unchanged=0), {})
-    assert line.split("\n")[1:] == ["  hello: done in 0.1 s"]
+    assert clean(line).split("\n")[1:] == ["  \\x1chello: done in 0.1 s"]
     news = TrialNews(trial="t", order=1, trials=2, values={}, what="r1: a\n[2/2] t2: ok", aloud=True)
     _Shown().say(news)
     assert capsys.readouterr().err == "[1/2] t: r1: a\\n[2/2] t2: ok\n"

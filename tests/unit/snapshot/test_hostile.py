@@ -141,8 +141,14 @@ def test_of_many_services_the_few_that_do_not_go_together_are_left_out(tmp_path:
 @pytest.mark.parametrize("path", ["/git/aaaa'$(touch$IFS/ran)", "/git/a;b", "/git/nav.git"])
 def test_a_command_that_a_note_has_needs_no_quotes(path: str) -> None:
     """What a robot calls a secret is taken out of a note as a whole: quotes of the command would go with it."""
-    notes = Notes()
+    notes = Notes(robot="r1")
     is_plain = path == "/git/nav.git"
-    assert fetchable(path, "repository x", notes) == (f"file://{CLONES}{path}" if is_plain else "")
+    assert fetchable(path, "repository x", notes) == (f"file://{CLONES}/r1{path}" if is_plain else "")
     said = " ".join(note.words for note in notes.found)
     assert ("git clone" in said) == is_plain and said.count("folder of the robot") == 1
+
+
+def test_a_robot_s_folder_is_no_other_robot_s() -> None:
+    """Who knows a commit of another one's repository would be given what is in it, from the clone of that one."""
+    clones = {fetchable("/opt/git/nav", "repository x", Notes(robot=robot)) for robot in ("robot1", "robot2")}
+    assert clones == {f"file://{CLONES}/robot1/opt/git/nav", f"file://{CLONES}/robot2/opt/git/nav"}

@@ -118,6 +118,23 @@ def test_a_tar_comes_and_goes_in_pieces(session: Session, play: Callable[[Answer
     assert got == [(f"PUT {place}", BEGIN + EMPTY * 200 + b"b")]
 
 
+def test_a_container_is_looked_at_when_the_tar_has_come(
+    session: Session, play: Callable[[Answer], Mended], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One that was stopped may run by then, and change what the engine finds behind a name."""
+    play(lambda *_: reply(b""))
+    order: list[str] = []
+    files = session._files
+    monkeypatch.setattr(session, "_files", lambda container: order.append("looked") or files(container))
+
+    def slow() -> Iterator[bytes]:
+        order.append("came")
+        yield EMPTY
+
+    session.copy_into("c", "/out", slow())
+    assert order == ["came", "looked"]
+
+
 def test_what_an_engine_refuses_comes_in_its_words(session: Session, play: Callable[[Answer], Mended]) -> None:
     play(lambda *_: reply(b'{"message":"container rootfs is marked read-only"}', "403 Forbidden"))
     with pytest.raises(TransportError, match="/out cannot be written: container rootfs is marked read-only"):
