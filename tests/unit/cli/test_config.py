@@ -266,7 +266,7 @@ def test_a_verb_that_stands_for_several_hands_its_defaults_on(tmp_path: Path) ->
 
 
 PROGRAM = '#!/bin/sh\ntouch ran\necho \'{"all": {"hosts": ["r1"]}}\'\n'
-PROXY = '-o ProxyCommand="touch ran; false"'
+PROXY = '-o ProxyCommand="touch FOLDER/ran; false"'
 BY_PROXY = f"all: {{hosts: {{r1: {{ansible_host: 192.0.2.1, ansible_ssh_common_args: '{PROXY}'}}}}}}\n"
 HERE = "all: {hosts: {r1: {ansible_connection: local}}}\n"
 
@@ -277,7 +277,7 @@ def test_only_an_inventory_that_the_user_named_runs_anything_here(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], named: bool, inventory: str
 ) -> None:
     """A program, a ProxyCommand and this machine itself; asked by a verb that only looks."""
-    write(tmp_path / "inv", inventory)
+    write(tmp_path / "inv", inventory.replace("FOLDER", str(tmp_path)))
     (tmp_path / "inv").chmod(0o755)
     write(tmp_path / "srprov.toml", "inventory = 'inv'\ntimeout = 1\n")
     monkeypatch.chdir(tmp_path)
