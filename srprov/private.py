@@ -7,6 +7,7 @@ import errno
 import itertools
 import json
 import os
+import re
 import secrets
 import stat
 from collections.abc import Iterable
@@ -14,8 +15,8 @@ from pathlib import Path
 from typing import BinaryIO, TextIO
 
 _OTHERS = 0o077
-_OF_THE_KERNEL = ("/dev/", "/proc/")
-"""Folders whose links only the kernel and root make: /dev/stdout, /dev/fd/63."""
+_OF_THE_KERNEL = re.compile("/dev|/dev/pts|/proc/.*")
+"""Folders whose links only the kernel and root make: /dev/stdout, /dev/fd/63. Everybody may in /dev/shm."""
 
 
 def cache_folder() -> Path:
@@ -117,7 +118,7 @@ def _is_stream(path: str) -> bool:
     except FileNotFoundError:
         return False
     if any(kind(about.st_mode) for kind in (stat.S_ISLNK, stat.S_ISBLK, stat.S_ISCHR)):
-        of_the_kernel = f"{os.path.realpath(os.path.dirname(path))}/".startswith(_OF_THE_KERNEL)
+        of_the_kernel = bool(_OF_THE_KERNEL.fullmatch(os.path.realpath(os.path.dirname(path))))
         if stat.S_ISLNK(about.st_mode) or not of_the_kernel:
             return of_the_kernel
     return about.st_uid in (0, os.geteuid()) and not stat.S_ISREG(about.st_mode) and not stat.S_ISDIR(about.st_mode)

@@ -267,6 +267,13 @@ def test_an_inventory_is_begun_beside_nobody_s_variables(
     assert run(["init", "--example", "hello"]) == 0
 
 
+def test_no_experiment_is_begun_beside_a_lock_for_it(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A project that was cloned may bring one, which says what the new one's images are."""
+    (here / "experiment.lock").write_text("{}")
+    assert run(["init"]) == 5
+    assert "already there: experiment.lock" in capsys.readouterr().err and os.listdir(here) == ["experiment.lock"]
+
+
 def test_a_folder_that_cannot_be_made_is_told(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "file").write_text("x")
     assert run(["init", "file/new"]) == 5

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import stat
 import subprocess
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -115,6 +116,17 @@ def test_the_kernels_link_to_what_is_open_is_followed(tmp_path: Path, saved: Pla
         assert written == dump(saved).encode()
         events_to(f"/dev/fd/{stream.fileno()}")
     assert sorted(one.name for one in tmp_path.iterdir()) == ["out"]
+
+
+def test_a_link_where_everybody_may_make_one_is_replaced(tmp_path: Path, write: Callable[[Path], None]) -> None:
+    """Below /dev, too: a project may lie in /dev/shm."""
+    (tmp_path / ".bashrc").write_text("precious")
+    with tempfile.TemporaryDirectory(dir="/dev/shm") as folder:
+        target = Path(folder) / "p.sig"
+        target.symlink_to(tmp_path / ".bashrc")
+        write(target)
+        assert target.stat().st_size and not target.is_symlink()
+    assert (tmp_path / ".bashrc").read_text() == "precious"
 
 
 @pytest.mark.parametrize("aim", ["file", "device", "nothing"])
