@@ -110,6 +110,10 @@ class Engine:
             named = filters.get("name", [""])[0]
             listed = [_volume(n, labels) for n, labels in self.volumes.items() if _has(labels, wanted) and named in n]
             return _answer({"Volumes": listed or None, "Warnings": None})
+        if path.startswith("/volumes/"):
+            name = path.removeprefix("/volumes/")
+            there = name in self.volumes
+            return _answer(_volume(name, self.volumes[name])) if there else _error(404, "no such volume")
         if path == "/images/json":
             return _answer([_image(name, labels) for name, labels in self.images.items()])
         if path.startswith("/images/") and path.endswith("/history"):

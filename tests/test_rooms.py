@@ -221,7 +221,7 @@ FILES: Mapping[str, Room] = {
     "cli/inputs.py": cli_file("lab.written facts.model"),
     "cli/lab.py": cli_file("lab"),
     "cli/lock.py": cli_file("definitions.lockfile"),
-    "cli/init.py": cli_file("data definitions.starter"),
+    "cli/init.py": cli_file("data definitions.lockfile definitions.starter"),
     "cli/locks.py": cli_file("execution"),
     "cli/logs.py": cli_file("facts"),
     "cli/orders.py": cli_file("execution facts"),

@@ -51,8 +51,8 @@ def _write(folder: Path, made: Mapping[str, bytes]) -> None:
     # a folder of theirs may be there, and not as a link: a stranger's may lead to the user's own
     links = dict.fromkeys(str(one) for name in made for one in Path(name).parents if os.path.islink(folder / one))
     # and a lock would say what the new experiment's images and branches are
-    names = [*made, *(lock_path(name) for name in made if name.endswith(".edf"))]
-    if there := [*links, *(name for name in dict.fromkeys(names) if os.path.lexists(folder / name))]:
+    taken = dict.fromkeys([*made, *(lock_path(name) for name in made if name.endswith(".edf"))])
+    if there := [*links, *(name for name in taken if os.path.lexists(folder / name))]:
         names = ", ".join(str(folder / name) for name in there)
         raise UsageError(
             f"already there: {names}",

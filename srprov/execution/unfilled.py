@@ -3,10 +3,12 @@
 An engine that makes a container fills an empty volume with what the image has there, entry by entry, as root and among
 the robot's own files; it follows a link that it finds in the place of a folder. A container that runs with the volume
 puts one there once the first entry comes, and the rest of the image's files lies where that leads: any folder of the
-robot. So a volume is filled for the first container that may write there, and for no later one. One that is not empty
-is filled for nobody anyway.
+robot. So does one that had the volume's folder handed to it, open, by a container that had the volume: no engine knows
+of that. So a volume is filled while no container has it, and it gets a new folder first, of which nobody holds anything
+(one that only reads would be left with the old one). One that is not empty is filled for nobody.
 
-Source: moby, `daemon/volumes_unix.go` and containerd's `continuity/fs`; tried with Docker 20.10.
+Source: moby, `daemon/volumes_unix.go` and containerd's `continuity/fs`; unix(7), SCM_RIGHTS; rename(2), which takes the
+place of an empty folder alone; tried with Docker 20.10.
 """
 
 from __future__ import annotations
@@ -17,8 +19,15 @@ from msgspec.structs import replace
 
 from srprov.modules.module import canonical
 from srprov.session import Session
-from srprov.untrusted import mappings
-from srprov.wire import Command, EngineCall, EngineQuery, Reply
+from srprov.untrusted import mappings, string
+from srprov.wire import Command, EngineCall, EngineQuery, Reply, Run, quote
+
+_NONE = 404
+_RENEW = """new=$to.new; rmdir "$new" 2>/dev/null
+mkdir "$new" && chown "$(stat -c %u:%g "$to")" "$new" && chmod "$(stat -c %a "$to")" "$new" &&
+    mv -T "$new" "$to" 2>/dev/null && exit
+rmdir "$new"; exit 1"""
+"""Renames an empty folder to `$to`, in whose place it comes only if that is empty, too."""
 
 
 def unfilled(command: Command, session: Session) -> Command:
@@ -34,8 +43,9 @@ def unfilled(command: Command, session: Session) -> Command:
     names = sorted({one["Source"] for one in mounts if _may_be_filled(one)})
     if not names:
         return command
-    replies = session.ask([_having(name) for name in names])
-    taken = {name for name, reply in zip(names, replies, strict=True) if _others_write(name, reply)}
+    replies = session.ask([ask(name) for name in names for ask in (_having, _about)])
+    answers = zip(names, replies[::2], replies[1::2], strict=True)
+    taken = {name for name, having, about in answers if _others_have(name, having) or not _renewed(about, session)}
     for one in mounts:
         if _may_be_filled(one) and one["Source"] in taken:
             one["VolumeOptions"] = {**one.get("VolumeOptions", {}), "NoCopy": True}
@@ -48,15 +58,28 @@ def _may_be_filled(mount: dict[str, object]) -> bool:
     return mount.get("Type") == "volume" and bool(mount.get("Source")) and not alone
 
 
-def _others_write(name: str, reply: Reply) -> bool:
-    """Return whether a container may write to a volume, by what an engine lists; also where it does not say so."""
+def _others_have(name: str, reply: Reply) -> bool:
+    """Return whether a container has a volume, by what an engine lists; also where it does not say so."""
     listed = reply.json() if reply.ok else None
     if not isinstance(listed, list):
         return True
     mounts = [one for container in mappings(listed) for one in mappings(container.get("Mounts"))]
-    return any(one.get("Name") == name and one.get("RW") is not False for one in mounts)
+    return any(one.get("Name") == name for one in mounts)
+
+
+def _renewed(about: Reply, session: Session) -> bool:
+    """Give an empty volume another folder; return whether there is nothing in it that anybody could hold."""
+    if about.status == _NONE:
+        return True  # it is made with the container, by its engine
+    body = about.json() if about.ok else None
+    place = string(body.get("Mountpoint")) if isinstance(body, dict) else ""
+    return place.startswith("/") and session.execute(Run(script=f"to={quote(place)}; {_RENEW}")).ok
 
 
 def _having(name: str) -> EngineQuery:
     """Return what lists the containers, running or not, that have a volume."""
     return EngineQuery(path="/containers/json", params=(("all", "true"), ("filters", canonical({"volume": [name]}))))
+
+
+def _about(name: str) -> EngineQuery:
+    return EngineQuery(path=f"/volumes/{name}")

@@ -7,7 +7,6 @@ robot. Links are followed here, one by one, as the container would. GNU tar and 
 
 from __future__ import annotations
 
-import json
 import posixpath
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
@@ -67,14 +66,13 @@ def files_of(session: EngineStreams, container: str, engine: ContainerFiles) -> 
 
 
 def _alone(session: EngineStreams, one: About) -> bool:
-    """Return whether nobody can change what a container sees: it does not run, and nobody who runs has its volumes."""
-    names = container_view.volumes(one)
-    if one.running or names is None:
+    """Return whether nobody can change what a container sees: no container runs, and it has no path of the robot's.
+
+    One that runs may hold an open folder of a volume that it does not have, handed to it by a container that had it.
+    """
+    if one.running or container_view.has_paths(one):
         return False
-    if not names:
-        return True
-    having = json.dumps({"volume": names})  # who runs, as nothing else is asked for
-    (reply,) = session.ask([EngineQuery(path="/containers/json", params=(("filters", having),))])
+    (reply,) = session.ask([EngineQuery(path="/containers/json")])  # those that run, as nothing else is asked for
     return reply.ok and reply.json() == []
 
 
@@ -160,8 +158,8 @@ class FolderFiles:
             raise self._refused(path, f"what is mounted at {over} cannot be read by a path of the robot", _UPDATE)
         why, do = "its files outside of volumes have no folder on the robot", _UPDATE
         if not self._about.running:
-            why = "it does not run, and others may write to what it mounts"
-            do = f"start it, or copy what lies in a volume by its own path; or {_UPDATE}"
+            why = "it does not run, and others could lead its engine elsewhere"
+            do = f"start it, copy what lies in a volume by its own path, or stop the others; or {_UPDATE}"
         raise self._refused(path, why, do)
 
     def _look(self, part: Part, paths: Iterable[str]) -> Mapping[str, Found]:

@@ -120,10 +120,10 @@ def about(inspected: object) -> About:
     )
 
 
-def volumes(one: About) -> list[str] | None:
-    """Return the volumes of a container; None: it has a path of the robot's, of which nobody knows who else has it."""
+def has_paths(one: About) -> bool:
+    """Return whether a container has a path of the robot's, of which nobody knows who else has it."""
     given = [mount for mount in one.mounts if mount.at not in _OWN_FILES and not mount.source.startswith(_SRPROVS)]
-    return sorted({mount.volume for mount in given}) if all(mount.volume for mount in given) else None
+    return not all(mount.volume for mount in given)
 
 
 def sources_script(one: About) -> str:

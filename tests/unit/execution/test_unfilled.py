@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,15 +15,27 @@ from srprov.wire import Command, EngineCall, EngineQuery, Reply, Run
 
 
 class Engine:
-    """A session whose engine lists these containers."""
+    """A session whose engine lists these containers; its volumes lie in `folder`, where there is one."""
 
-    def __init__(self, answer: object) -> None:
-        self.answer, self.asked = answer, list[EngineQuery]()
+    def __init__(self, answer: object, folder: Path | None = None) -> None:
+        self.answer, self.folder, self.asked = answer, folder, list[EngineQuery]()
 
     def ask(self, queries: list[EngineQuery]) -> list[Reply]:
         self.asked += queries
+        return [self._answer(one) for one in queries]
+
+    def _answer(self, query: EngineQuery) -> Reply:
+        if query.path.startswith("/volumes/"):
+            place = self.folder and self.folder / query.path.removeprefix("/volumes/") / "_data"
+            if place is None or not place.exists():
+                return Reply(status=404, ok=False, out="{}", err="no such volume")
+            return Reply(status=200, ok=True, out=json.dumps({"Mountpoint": str(place)}), err="")
         ok = self.answer is not None
-        return [Reply(status=0, ok=ok, out=json.dumps(self.answer), err="" if ok else "away") for _ in queries]
+        return Reply(status=200 if ok else 0, ok=ok, out=json.dumps(self.answer), err="" if ok else "away")
+
+    def execute(self, command: Run) -> Reply:
+        done = subprocess.run(["sh", "-c", command.script], capture_output=True, text=True, check=False)
+        return Reply(status=done.returncode, ok=done.returncode == 0, out=done.stdout, err=done.stderr)
 
 
 def having(name: str, **more: object) -> dict[str, Any]:
@@ -45,8 +60,7 @@ V, W = ({"Type": "volume", "Source": name, "Target": f"/{name}"} for name in "vw
     [
         ([], [False, False]),
         ([having("v")], [True, False]),
-        ([having("v", RW=False)], [False, False]),
-        ([having("v", RW=False), having("v")], [True, False]),
+        ([having("v", RW=False)], [True, False]),
         ([having("v", RW="no")], [True, False]),
         ([having("x"), having("/v")], [False, False]),
         ([{"Mounts": None}, {}, 3], [False, False]),
@@ -58,8 +72,31 @@ def test_what_others_may_write_to_is_not_filled(listed: object, kept: list[bool]
     """A container that ran with the volume put links there while the engine filled it, as root of the robot."""
     engine = Engine(listed)
     assert made(engine, V, W) == kept
-    assert [json.loads(dict(one.params)["filters"]) for one in engine.asked] == [{"volume": ["v"]}, {"volume": ["w"]}]
-    assert all(dict(one.params)["all"] == "true" for one in engine.asked), "one that has ended may start again"
+    lists = [dict(one.params) for one in engine.asked if one.path == "/containers/json"]
+    assert [json.loads(one["filters"]) for one in lists] == [{"volume": ["v"]}, {"volume": ["w"]}]
+    assert all(one["all"] == "true" for one in lists), "one that has ended may start again"
+
+
+def test_what_is_filled_has_a_folder_of_which_nobody_holds_anything(tmp_path: Path) -> None:
+    """A container hands on the open folder of its volume, and is gone: no engine knows who leads it by links then."""
+    for name in "vw":
+        (tmp_path / name / "_data").mkdir(parents=True, mode=0o750)
+    (tmp_path / "w" / "_data" / "mine").write_text("kept")
+    held = os.open(tmp_path / "v" / "_data", os.O_PATH)
+    assert made(Engine([], tmp_path), V, W) == [False, True]
+    with pytest.raises(FileNotFoundError):
+        os.symlink("/usr/local/sbin", "d00", dir_fd=held)
+    os.close(held)
+    new = tmp_path / "v" / "_data"
+    assert os.listdir(new) == [] and new.stat().st_mode & 0o7777 == 0o750
+    assert os.listdir(new.parent) == ["_data"] and os.listdir(tmp_path / "w") == ["_data"]
+    assert (tmp_path / "w" / "_data" / "mine").read_text() == "kept"
+
+
+def test_a_volume_whose_place_is_not_told_is_not_filled() -> None:
+    engine = Engine([])
+    engine._answer = lambda query: Reply(status=200, ok=True, out="[]", err="")  # type: ignore[method-assign]
+    assert made(engine, V) == [True]
 
 
 def test_nothing_is_asked_where_nothing_would_be_filled() -> None:

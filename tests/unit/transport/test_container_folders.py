@@ -247,12 +247,15 @@ CHOICES: dict[str, tuple[Callable[[World], object], str, str]] = {
     "an earlier one": (lambda w: setattr(w, "version", "29.5.0"), "/w", "folder"),
     "one that names no version": (lambda w: setattr(w, "version", "dev"), "/w", "folder"),
     "no mounts, and it runs": (lambda w: w.inspected.pop("Mounts"), "/w", "folder"),
-    "no mounts, and it does not run": (lambda w: (w.inspected.pop("Mounts"), setattr(w, "status", "exited")), "/w", ""),
-    "it does not run, nor anybody with its volume": (
-        lambda w: (w.inspected["Mounts"].pop(), setattr(w, "status", "exited")), "/w", ""),
-    "it does not run, and somebody with its volume does": (
+    "no mounts, and nobody runs": (lambda w: (w.inspected.pop("Mounts"), setattr(w, "status", "exited")), "/w", ""),
+    # who holds an open folder of it was given that by it, and is in no list of the engine's
+    "no mounts, and somebody runs": (
+        lambda w: (w.inspected.pop("Mounts"), setattr(w, "status", "exited"), setattr(w, "having", '[{"Id":"x"}]')),
+        "/w", "it does not run, and others could"),
+    "nobody runs": (lambda w: (w.inspected["Mounts"].pop(), setattr(w, "status", "exited")), "/w", ""),
+    "it does not run, and somebody does": (
         lambda w: (w.inspected["Mounts"].pop(), setattr(w, "status", "exited"), setattr(w, "having", '[{"Id":"x"}]')),
-        "/w", "it does not run, and others may write"),
+        "/w", "it does not run, and others could"),
     "the same, in the volume": (
         lambda w: (w.inspected["Mounts"].pop(), setattr(w, "status", "exited"), setattr(w, "having", '[{"Id":"x"}]')),
         "/data", "folder"),
