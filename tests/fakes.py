@@ -433,7 +433,9 @@ class FakeRobot:
                 self.engine.data[match[1]] = hashlib.sha256(self.disk.files.pop(match[2])).hexdigest()
             return shell_reply("injected failure" if half else "")
         if match := _RENEWED.match(run.script):  # tests/unit/execution/test_unfilled.py has it run by a real shell
-            return shell_reply("it is not empty" if match[1] in self.engine.data else "")
+            if half:
+                return shell_reply("injected failure")
+            return Reply(status=3, ok=False) if match[1] in self.engine.data else shell_reply("")
         if match := _TAKE_PLACE.match(run.script):
             return shell_reply("injected failure" if half else self.engine.rename_data(match[1], match[2]))
         if self.kernel.filter(run.script):

@@ -27,7 +27,7 @@ from srprov.execution.outcome import Event, Listener, Outcome, StepResult
 from srprov.execution.stale import due, made_on_the_way, refused
 from srprov.execution.stopping import stop_together
 from srprov.execution.triggers import kept_apart, refuse_triggers
-from srprov.execution.unfilled import unfilled
+from srprov.execution.unfilled import sent
 from srprov.modules import MODULES, PROBING, RUNNING
 from srprov.modules.mount_place import guarded
 from srprov.modules.observe import observe_queries, parse_observed, parse_probed, probe_queries
@@ -158,8 +158,8 @@ class RobotExecutor:
             ):
                 return no
         if step.module in RUNNING and step.want is not None:
-            command = unfilled(guarded(command, step.want.params.mounts, self.leads), self.session)
-        reply = self.session.execute(command, progress)
+            command = guarded(command, step.want.params.mounts, self.leads)
+        reply = sent(command, self.session, progress)
         return (wrong_architecture(step, self.session) if reply.ok else None) or reply
 
     def _done(self, step: Step, took_s: float) -> None:

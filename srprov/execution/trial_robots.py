@@ -22,7 +22,7 @@ from srprov.execution.trial_clocks import samples
 from srprov.execution.trial_patience import EquipmentFailed, Patience, Say, check_engine, why
 from srprov.execution.trial_survival import Survival
 from srprov.execution.trial_totals import Totals
-from srprov.execution.unfilled import unfilled
+from srprov.execution.unfilled import sent
 from srprov.modules.container_commands import remove, start, stop
 from srprov.session import Session
 from srprov.trials.clock import Offset, offset
@@ -224,7 +224,7 @@ class TrialRobots:
 
     def _do(self, one: TrialContainer, command: Command) -> None:
         session = self._connections.get(one.host)
-        reply = session.execute(unfilled(command, session))
+        reply = sent(command, session)
         if not reply.ok:
             if isinstance(command, EngineCall):
                 check_engine(reply)

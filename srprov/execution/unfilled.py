@@ -18,20 +18,32 @@ import json
 from msgspec.structs import replace
 
 from srprov.modules.module import canonical
-from srprov.session import Session
+from srprov.session import Progress, Session, no_progress
 from srprov.untrusted import mappings, string
 from srprov.wire import Command, EngineCall, EngineQuery, Reply, Run, quote
 
-_NONE = 404
-_RENEW = """new=$to.new; rmdir "$new" 2>/dev/null
-mkdir "$new" && chown "$(stat -c %u:%g "$to")" "$new" && chmod "$(stat -c %a "$to")" "$new" &&
-    mv -T "$new" "$to" 2>/dev/null && exit
-rmdir "$new"; exit 1"""
+_NONE, _NOT_EMPTY = 404, 3
+_RENEW = f"""new=$to.new; rmdir "$new" 2>/dev/null
+mkdir "$new" && chown "$(stat -c %u:%g "$to")" "$new" && chmod "$(stat -c %a "$to")" "$new" || exit 1
+mv -T "$new" "$to" 2>/dev/null && exit
+rmdir "$new"; exit {_NOT_EMPTY}"""
 """Renames an empty folder to `$to`, in whose place it comes only if that is empty, too."""
 
 
-def unfilled(command: Command, session: Session) -> Command:
+def sent(command: Command, session: Session, progress: Progress = no_progress) -> Reply:
+    """Have a robot do a command; a container is made by it as one that has no volume filled where others may write.
+
+    Raises:
+        TransportError: The robot cannot be talked to any more.
+    """
+    made = unfilled(command, session)
+    return made if isinstance(made, Reply) else session.execute(made, progress)
+
+
+def unfilled(command: Command, session: Session) -> Command | Reply:
     """Return a command that makes a container as one that has no volume filled where others may write; or as it is.
+
+    What a robot says where a volume's folder cannot be renewed, though it is empty, is an answer to that command.
 
     Raises:
         TransportError: The robot cannot be talked to any more.
@@ -44,8 +56,13 @@ def unfilled(command: Command, session: Session) -> Command:
     if not names:
         return command
     replies = session.ask([ask(name) for name in names for ask in (_having, _about)])
-    answers = zip(names, replies[::2], replies[1::2], strict=True)
-    taken = {name for name, having, about in answers if _others_have(name, having) or not _renewed(about, session)}
+    taken = set[str]()
+    for name, having, about in zip(names, replies[::2], replies[1::2], strict=True):
+        renewed = None if _others_have(name, having) else _renewed(about, session)
+        if renewed is None or renewed.status == _NOT_EMPTY:
+            taken.add(name)
+        elif not renewed.ok:
+            return renewed
     for one in mounts:
         if _may_be_filled(one) and one["Source"] in taken:
             one["VolumeOptions"] = {**one.get("VolumeOptions", {}), "NoCopy": True}
@@ -67,13 +84,13 @@ def _others_have(name: str, reply: Reply) -> bool:
     return any(one.get("Name") == name for one in mounts)
 
 
-def _renewed(about: Reply, session: Session) -> bool:
-    """Give an empty volume another folder; return whether there is nothing in it that anybody could hold."""
+def _renewed(about: Reply, session: Session) -> Reply | None:
+    """Give an empty volume another folder, of which nobody holds anything; None where it is not known where it lies."""
     if about.status == _NONE:
-        return True  # it is made with the container, by its engine
+        return Reply(status=0)  # it is made with the container, by its engine
     body = about.json() if about.ok else None
     place = string(body.get("Mountpoint")) if isinstance(body, dict) else ""
-    return place.startswith("/") and session.execute(Run(script=f"to={quote(place)}; {_RENEW}")).ok
+    return session.execute(Run(script=f"to={quote(place)}; {_RENEW}")) if place.startswith("/") else None
 
 
 def _having(name: str) -> EngineQuery:

@@ -93,6 +93,15 @@ def test_what_is_filled_has_a_folder_of_which_nobody_holds_anything(tmp_path: Pa
     assert (tmp_path / "w" / "_data" / "mine").read_text() == "kept"
 
 
+def test_a_folder_that_cannot_be_made_anew_is_told(tmp_path: Path) -> None:
+    (tmp_path / "v" / "_data").mkdir(parents=True)
+    (tmp_path / "v" / "_data.new").write_text("in the way")
+    body = json.dumps({"Image": "x", "HostConfig": {"Mounts": [V]}})
+    command = EngineCall(method="POST", path="/containers/create", body=body)
+    told = unfilled(command, Engine([], tmp_path))  # type: ignore[arg-type]
+    assert isinstance(told, Reply) and not told.ok and "File exists" in told.err
+
+
 def test_a_volume_whose_place_is_not_told_is_not_filled() -> None:
     engine = Engine([])
     engine._answer = lambda query: Reply(status=200, ok=True, out="[]", err="")  # type: ignore[method-assign]
