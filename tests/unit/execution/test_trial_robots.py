@@ -43,7 +43,7 @@ class Robot:
             return True
         return False
 
-    def execute(self, command: Command) -> Reply:
+    def execute(self, command: Command, _progress: object = None) -> Reply:
         if self._gone():
             return AWAY
         assert isinstance(command, EngineCall)
@@ -237,7 +237,7 @@ def test_a_log_that_breaks_off_with_its_engine_is_fetched_again() -> None:
 
 def test_an_engine_that_refuses_is_not_waited_for() -> None:
     robot = Robot()
-    robot.execute = lambda _command: Reply(status=500, ok=False, err="no")  # type: ignore[method-assign]
+    robot.execute = lambda *_: Reply(status=500, ok=False, err="no")  # type: ignore[method-assign]
     robots, said, _ = made(robot)
     with pytest.raises(EquipmentFailed, match="a on r1: no"):
         robots.clear()
