@@ -52,7 +52,8 @@ def parse_address(text: str) -> Address:
         return Address(text, "ssh")
     local = _FILE.fullmatch(text)
     if local and ".." not in local[1].split("/") and posixpath.normpath(local[1]) != "/":
-        return Address(f"file://{posixpath.normpath(local[1])}", "file", posixpath.normpath(local[1]))
+        path = "/" + posixpath.normpath(local[1]).lstrip("/")  # two slashes at the beginning stay, to POSIX
+        return Address(f"file://{path}", "file", path)
     raise ValueError(f"'{text[:80]}' is no address that srprov fetches from: {_FORMS}")
 
 

@@ -176,7 +176,7 @@ def fetchable(url: str, subject: str, notes: Notes) -> str:
         return ""
     if address.scheme == "file":
         # not at the same path: a robot may name any, also of a repository that is the user's own here, or another one's
-        here = posixpath.join(CLONES, notes.robot, address.path[1:])
+        here = posixpath.join(CLONES, notes.robot, address.path.lstrip("/"))
         if shlex.quote(here) != here:
             # a value that the robot calls a secret would be taken out of the command, and quotes with it
             notes.lost(subject, "its remote is a folder of the robot whose name needs quotes: it is not fetched from")

@@ -150,5 +150,7 @@ def test_a_command_that_a_note_has_needs_no_quotes(path: str) -> None:
 
 def test_a_robot_s_folder_is_no_other_robot_s() -> None:
     """Who knows a commit of another one's repository would be given what is in it, from the clone of that one."""
+    for odd in ("//opt/git/nav", "file:////opt/git/nav", "///opt/git/nav", "file:///opt//git/nav"):
+        assert fetchable(odd, "repository x", Notes(robot="robot1")) == f"file://{CLONES}/robot1/opt/git/nav"
     clones = {fetchable("/opt/git/nav", "repository x", Notes(robot=robot)) for robot in ("robot1", "robot2")}
     assert clones == {f"file://{CLONES}/robot1/opt/git/nav", f"file://{CLONES}/robot2/opt/git/nav"}
