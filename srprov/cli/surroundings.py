@@ -23,7 +23,8 @@ def keep_to_whole_paths(environ: MutableMapping[str, str]) -> None:
         home = os.path.expanduser("~")
         if os.path.isabs(home):
             environ["HOME"] = home
+    environ.setdefault("PATH", os.defpath)
     for name, none in _LISTS.items():
         if name in environ:
-            whole = [part for part in environ[name].split(":") if os.path.isabs(part)]
-            environ[name] = ":".join(whole) or none
+            parts = environ[name].replace(";", ":" if name != "PATH" else ";").split(":")  # ld.so parts at both
+            environ[name] = ":".join(part for part in parts if os.path.isabs(part)) or none

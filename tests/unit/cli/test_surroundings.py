@@ -18,7 +18,8 @@ HOME = pwd.getpwuid(os.geteuid()).pw_dir
 @pytest.mark.parametrize(
     ("given", "kept"),
     [
-        ({}, {}),
+        ({}, {"PATH": os.defpath}),
+        ({"PATH": "/a;b", "LD_LIBRARY_PATH": "/opt/x;lib;"}, {"PATH": "/a;b", "LD_LIBRARY_PATH": "/opt/x"}),
         ({"HOME": "/home/ada", "PATH": "/bin:/usr/bin"}, {"HOME": "/home/ada", "PATH": "/bin:/usr/bin"}),
         ({"PATH": ":/bin:", "LD_LIBRARY_PATH": "/opt/x:"}, {"PATH": "/bin", "LD_LIBRARY_PATH": "/opt/x"}),
         ({"PATH": "bin:./x:~/bin:/a b"}, {"PATH": "/a b"}),
