@@ -241,10 +241,10 @@ class Known:
 
         A message for people may have a command: behind a secret that takes a quote with it, no quotes hold any more.
         """
-        parts, end, length = list[str](), 0, len(text)
+        parts, end, lines = list[str](), 0, f"{text}\n"
         for start, stop in self.masks(text):
             if stop > end:
                 parts += [text[end:start], MASK]
                 takes_quotes = for_people and _QUOTES.search(text, start, stop)
-                end = text.find("\n", stop) % (length + 1) if takes_quotes else stop  # at the end, where there is none
+                end = lines.index("\n", stop) if takes_quotes else stop
         return "".join([*parts, text[end:]]) if parts else text

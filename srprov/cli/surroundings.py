@@ -7,10 +7,11 @@ it would be his configuration, and as a part of PATH his programs, also root's.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import MutableMapping
 
-_LISTS = {"PATH": os.defpath, "LD_LIBRARY_PATH": "/nonexistent"}
-"""Lists of folders -> what stands for one that has no whole path."""
+_LISTS = {"PATH": (":", os.defpath), "LD_LIBRARY_PATH": ("[:;]", "/nonexistent")}
+"""Lists of folders -> what is between two of them (ld.so(8)), and what stands for a list without a whole path."""
 
 
 def keep_to_whole_paths(environ: MutableMapping[str, str]) -> None:
@@ -24,7 +25,7 @@ def keep_to_whole_paths(environ: MutableMapping[str, str]) -> None:
         if os.path.isabs(home):
             environ["HOME"] = home
     environ.setdefault("PATH", os.defpath)
-    for name, none in _LISTS.items():
+    for name, (between, none) in _LISTS.items():
         if name in environ:
-            parts = environ[name].replace(";", ":" if name != "PATH" else ";").split(":")  # ld.so parts at both
-            environ[name] = ":".join(part for part in parts if os.path.isabs(part)) or none
+            whole = [part for part in re.split(between, environ[name]) if os.path.isabs(part)]
+            environ[name] = ":".join(whole) or none
