@@ -96,6 +96,8 @@ class Engine:
                 "SecurityOptions": ["name=seccomp"],
             }
             return _answer(info)
+        if path == "/version":
+            return _answer({"Version": "20.10.24", "ApiVersion": self.api, "GoVersion": "go1.19.8"})
         if path == "/containers/json":
             every = dict(query.params).get("all") == "true"
             assert every or not wanted, "a stopped container counts too"
@@ -224,7 +226,9 @@ class Engine:
         filled = {"Hostname": identity(name)[:12], "WorkingDir": "", "User": "", "Cmd": ["sh"], "Entrypoint": None}
         config = {**filled, **{key: value for key, value in one.body.items() if key not in _ASIDE}}
         config["Env"] = [*(one.body.get("Env") or []), "PATH=/bin"]
-        about = {"Config": config, "HostConfig": host, "NetworkSettings": ends}
+        about = {"Config": config, "HostConfig": host, "NetworkSettings": ends, "Mounts": _mounted(one.body)}
+        upper = f"/var/lib/docker/overlay2/{identity(name)}/diff"
+        about["GraphDriver"] = {"Name": "overlay2", "Data": {"UpperDir": upper}}
         return _answer({"Id": identity(name), "Name": "/" + name, "State": state, **about})
 
     # -- changing ------------------------------------------------------------------------------------------------------

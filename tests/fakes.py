@@ -40,6 +40,7 @@ _LEADS = re.compile(r"(?m)^r=\$\((?:readlink -f|leads_to) \S+\) && printf \"%s %
 _AS_PLANNED = re.compile(r"(?m)^as_planned (\S+) (\S+)\n")
 _FILL = re.compile(r"to=\$\(docker volume .* (\S+)\) && tar -xf (\S+) .*--strip-components=1")
 _TAKE_PLACE = re.compile(r"from=\$\(docker volume .* (\S+)\) && to=\$\(docker volume .* (\S+)\) && sync")
+_EMPTIED = re.compile(r"\[ ! -d /var/lib/docker/(?:volumes/([^/\s]+)/_data|overlay2/[0-9a-f]{64}/diff) ] \|\| ")
 _RENEWED = re.compile(r"to=/var/lib/docker/volumes/(\S+)/_data; new=")
 _LOGS = re.compile(r"docker logs --tail (\d+) (\S+) 2>&1")
 
@@ -436,6 +437,10 @@ class FakeRobot:
             if half:
                 return shell_reply("injected failure")
             return Reply(status=3, ok=False) if match[1] in self.engine.data else shell_reply("")
+        if match := _EMPTIED.match(run.script):  # tests/unit/execution/test_emptied.py has it run by a real shell
+            if match[1] and not half:
+                self.engine.data.pop(match[1], None)
+            return shell_reply("injected failure" if half else "")
         if match := _TAKE_PLACE.match(run.script):
             return shell_reply("injected failure" if half else self.engine.rename_data(match[1], match[2]))
         if self.kernel.filter(run.script):

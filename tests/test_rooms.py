@@ -87,7 +87,7 @@ ROOMS: Mapping[str, Room] = {
         " definitions.model"
     ),
     "assignment": room("codes errors sizes definitions.containermodel definitions.model facts.model"),
-    "network": room("codes errors names untrusted definitions.model facts.model"),
+    "network": room("codes errors names untrusted definitions.containermodel definitions.model facts.model"),
     "probing": room("errors names untrusted wire network"),
     # Robots that were set up by hand, as an experiment: questions and parsers, no robot and no file.
     "snapshot": room("git_address image_reference names published redaction untrusted wire yamldoc.writer"),

@@ -19,12 +19,12 @@ TMPFS_OPTIONS = re.compile(
 
 Port = tuple[str, int, int, str]
 """(address or "", published port, container port, `tcp` or `udp`)"""
-
 EVERYWHERE = ("", "0.0.0.0", "::")  # noqa: S104 - compared with, never bound to
 """Addresses that stand for all of a robot's."""
 
 LINK_PORTS = range(768, 1024)
 """UDP ports that overlays' links send from: the engine's proxy of one would send a container's words to anybody."""
+TUNNEL_PORTS = range(20_000, 30_000)  # UDP, of interfaces that encrypt overlays: even ones of each `a`, odd ones of `b`
 VXLAN_PORT = 4789  # of overlays that name none: who publishes it gets what members send while no link is there
 
 

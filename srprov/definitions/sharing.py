@@ -46,11 +46,13 @@ def with_shared(groups: Groups, services: Mapping[str, Service]) -> Groups:
 
 def check(known: Mapping[str, Map], services: Mapping[str, Service], findings: Findings) -> None:
     """Add services that share a volume and cannot be on one robot, or write to one against the EDF's word."""
+    said = {name: _said(known[name]) for name in services}
     for one in services.values():
-        _check_writes(one, known, findings)
+        _check_writes(one, known, said[one.name], findings)
     for volume, names in users(services).items():
         _check_kinds(volume, [services[name] for name in names], known, findings)
-        _check_said(volume, [services[name] for name in names], known, findings)
+        left = [services[name] for name in names if volume not in said[name]]
+        _check_said(volume, [services[name] for name in names], left, known, findings)
         pins = [(name, known[name].entries["robot"]) for name in names if "robot" in known[name].entries]
         for name, pin in pins[1:]:
             first, where = pins[0][0], text(pins[0][1])
@@ -76,9 +78,10 @@ def _check_kinds(
             return
 
 
-def _check_said(volume: str, services: Sequence[Service], known: Mapping[str, Map], findings: Findings) -> None:
-    """Check that the EDF gives the volume to each of them; but services of one CDF have one author anyway."""
-    left = [one for one in services if volume not in _said(known[one.name])]
+def _check_said(
+    volume: str, services: Sequence[Service], left: Sequence[Service], known: Mapping[str, Map], findings: Findings
+) -> None:
+    """Check that the EDF leaves none without the volume; but services of one CDF have one author anyway."""
     if not left or (len(left) == len(services) and len({one.cdf for one in services}) == 1):
         return
     other = next(one.name for one in services if one is not left[0])
@@ -107,9 +110,8 @@ def written(one: Service) -> set[str]:
     return {mount.source for mount in one.runtime.mounts if mount.kind == "volume" and not mount.read_only}
 
 
-def _check_writes(one: Service, known: Mapping[str, Map], findings: Findings) -> None:
+def _check_writes(one: Service, known: Mapping[str, Map], said: Mapping[str, bool], findings: Findings) -> None:
     """Check that a service writes to no volume that the EDF has it read alone: its CDF may mount it once more."""
-    said = _said(known[one.name])
     for volume in sorted(volume for volume in written(one) if said.get(volume) is False):
         message = f"the CDF of '{one.name}' may write to the volume '{volume}', which the EDF has it read alone"
         hint = "take `ro` away in the `volumes` of this service in the EDF, if it shall write there"

@@ -24,10 +24,10 @@ from srprov.execution.architecture import wrong_architecture
 from srprov.execution.failure_text import failure_text, last_lines
 from srprov.execution.options import STOP_TIMEOUT_S
 from srprov.execution.outcome import Event, Listener, Outcome, StepResult
+from srprov.execution.sending import sent
 from srprov.execution.stale import due, made_on_the_way, refused
 from srprov.execution.stopping import stop_together
 from srprov.execution.triggers import kept_apart, refuse_triggers
-from srprov.execution.unfilled import sent
 from srprov.modules import MODULES, PROBING, RUNNING
 from srprov.modules.mount_place import guarded
 from srprov.modules.observe import observe_queries, parse_observed, parse_probed, probe_queries

@@ -16,13 +16,13 @@ from typing import Any, Protocol, TypeVar
 import msgspec
 
 from srprov.errors import TransportError
+from srprov.execution.sending import sent
 from srprov.execution.stopping import stop_all
 from srprov.execution.trial_at_once import at_once
 from srprov.execution.trial_clocks import samples
 from srprov.execution.trial_patience import EquipmentFailed, Patience, Say, check_engine, why
 from srprov.execution.trial_survival import Survival
 from srprov.execution.trial_totals import Totals
-from srprov.execution.unfilled import sent
 from srprov.modules.container_commands import remove, start, stop
 from srprov.session import Session
 from srprov.trials.clock import Offset, offset

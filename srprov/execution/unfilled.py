@@ -18,7 +18,7 @@ import json
 from msgspec.structs import replace
 
 from srprov.modules.module import canonical
-from srprov.session import Progress, Session, no_progress
+from srprov.session import Session
 from srprov.untrusted import mappings, string
 from srprov.wire import Command, EngineCall, EngineQuery, Reply, Run, quote
 
@@ -28,16 +28,6 @@ mkdir "$new" && chown "$(stat -c %u:%g "$to")" "$new" && chmod "$(stat -c %a "$t
 mv -T "$new" "$to" 2>/dev/null && exit
 rmdir "$new"; exit {_NOT_EMPTY}"""
 """Renames an empty folder to `$to`, in whose place it comes only if that is empty, too."""
-
-
-def sent(command: Command, session: Session, progress: Progress = no_progress) -> Reply:
-    """Have a robot do a command; a container is made by it as one that has no volume filled where others may write.
-
-    Raises:
-        TransportError: The robot cannot be talked to any more.
-    """
-    made = unfilled(command, session)
-    return made if isinstance(made, Reply) else session.execute(made, progress)
 
 
 def unfilled(command: Command, session: Session) -> Command | Reply:
@@ -55,10 +45,10 @@ def unfilled(command: Command, session: Session) -> Command | Reply:
     names = sorted({one["Source"] for one in mounts if _may_be_filled(one)})
     if not names:
         return command
-    replies = session.ask([ask(name) for name in names for ask in (_having, _about)])
+    replies = session.ask([ask(name) for name in names for ask in (having, _about)])
     taken = set[str]()
-    for name, having, about in zip(names, replies[::2], replies[1::2], strict=True):
-        renewed = None if _others_have(name, having) else _renewed(about, session)
+    for name, listed, about in zip(names, replies[::2], replies[1::2], strict=True):
+        renewed = None if _others_have(name, listed) else _renewed(about, session)
         if renewed is None or renewed.status == _NOT_EMPTY:
             taken.add(name)
         elif not renewed.ok:
@@ -93,7 +83,7 @@ def _renewed(about: Reply, session: Session) -> Reply | None:
     return session.execute(Run(script=f"to={quote(place)}; {_RENEW}")) if place.startswith("/") else None
 
 
-def _having(name: str) -> EngineQuery:
+def having(name: str) -> EngineQuery:
     """Return what lists the containers, running or not, that have a volume."""
     return EngineQuery(path="/containers/json", params=(("all", "true"), ("filters", canonical({"volume": [name]}))))
 

@@ -15,12 +15,12 @@ from typing import Any
 
 import msgspec
 
+from srprov.definitions.containermodel import TUNNEL_PORTS
 from srprov.modules.module import Module, Names
 from srprov.modules.wireguard_state import ALIAS, LINK, QUERIES, check_addresses, links_of
 from srprov.resource import Action, Change, Observed, State
 from srprov.wire import AnyQuery, Command, Reply, Run, quote, sh
 
-_FIRST_FREE_PORT = 1024
 _SOCKETS = "/var/run/wireguard"
 _LOOSE = {"address": "address", "port": "listen_port", "mtu": "mtu"}
 """Parameter -> key of the state."""
@@ -98,7 +98,7 @@ class WireguardModule(Module[WireguardParams]):
     def is_own(self, name: str, want: WireguardParams, names: Names) -> bool:
         """Compare names."""
         own = bool(LINK.fullmatch(name)) and (name[:-1], want.instance) == (names.tunnel, names.instance)
-        return own and want.port >= _FIRST_FREE_PORT
+        return own and want.port in TUNNEL_PORTS["ab".index(name[-1]) :: 2]
 
     def misplaced(self, name: str, want: WireguardParams, context: Mapping[str, Any]) -> tuple[str, str] | None:
         """Say so of a name that would not be found again."""

@@ -16,13 +16,14 @@ from typing import Annotated, Any
 import msgspec
 from msgspec.structs import replace
 
+from srprov.definitions.containermodel import TUNNEL_PORTS
 from srprov.modules.module import Module, Names
 from srprov.modules.params import NOT_WRITTEN, ParameterError
 from srprov.modules.wireguard_state import LINK, QUERIES, Interface, check_addresses, read
 from srprov.resource import Action, Change, Observed, State
 from srprov.wire import AnyQuery, Command, Reply, Run, sh
 
-_PORT = re.compile(r":[0-9]{1,5}\Z", re.ASCII)
+_PORT = re.compile(r":([0-9]{1,5})\Z", re.ASCII)
 _Peer = tuple[str, str]
 """Endpoint and address."""
 
@@ -136,7 +137,8 @@ def _is_endpoint(text: str) -> bool:
         ip_address(host_of(text))
     except ValueError:
         return False
-    return "%" not in text and _PORT.search(text) is not None
+    port = _PORT.search(text)
+    return "%" not in text and port is not None and int(port[1]) in TUNNEL_PORTS
 
 
 def _state(link: Interface) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 
 from srprov.codes import Code
+from srprov.definitions.containermodel import TUNNEL_PORTS
 from srprov.definitions.model import Experiment
 from srprov.errors import UsageError
 from srprov.facts.model import Snapshot
@@ -23,9 +24,6 @@ from srprov.network.model import Tunnel
 
 OVERHEAD = {4: 76, 6: 96}
 """Bytes that WireGuard adds at most, by IP version of the underlay."""
-_FIRST_PORT = 20_000
-_PAIRS = 5_000
-"""Pairs of UDP ports from the first on, one port for each interface."""
 
 
 def tunnel_of(
@@ -89,13 +87,13 @@ def _port(instance: str, experiment: Experiment, snapshot: Snapshot) -> int:
             ours[port - "ab".index(name[-1])] += 1
         else:
             taken.add(port)
-    pairs = range(_FIRST_PORT, _FIRST_PORT + 2 * _PAIRS, 2)
+    pairs = TUNNEL_PORTS[::2]
     if used := [port for port in ours if port in pairs]:
         return min(used, key=lambda port: (-ours[port], port))
     taken |= {one.port for ports in snapshot.taken.values() for one in ports if one.protocol == "udp"}
     taken |= _published(experiment)
-    start = number("wireguard", instance) % _PAIRS
-    free = (pair for i in range(_PAIRS) if taken.isdisjoint((pair := pairs[(start + i) % _PAIRS], pair + 1)))
+    start = number("wireguard", instance) % len(pairs)
+    free = (pair for i in range(len(pairs)) if taken.isdisjoint((pair := pairs[(start + i) % len(pairs)], pair + 1)))
     port = next(free, 0)
     if not port:
         raise UsageError(

@@ -164,9 +164,9 @@ def test_a_plan_file_that_was_not_written_here_neither_reads_nor_removes_data(
 
 
 def _removal_of_data() -> int:
-    """Return which command of a move removes the source."""
+    """Return which command of a move empties the source, right before it is removed."""
     sent = [entry.host == "r1" and getattr(entry.what, "method", "") == "DELETE" for entry in _sent()]
-    return max(at for at, removes in enumerate(sent, 1) if removes)
+    return max(at for at, removes in enumerate(sent) if removes)
 
 
 def _copying() -> int:

@@ -8,6 +8,7 @@ import pytest
 
 from srprov.execution.told import told
 from srprov.modules import MODULES
+from srprov.modules.module import Names
 from srprov.modules.params import ParameterError
 from srprov.modules.wireguard_peers import WireguardPeersParams, host_of
 from srprov.planning.steps import due_step, informed
@@ -163,3 +164,24 @@ def test_a_peer_that_says_more_than_its_own_address_is_refused(peer: list[str]) 
         resource("wireguard_peers", NAME, {"instance": "hello", "peers": [peer]}, host="r1")
     six = ["r2", "[2001:db8::2]:20000", "10.128.0.2"]
     assert resource("wireguard_peers", NAME, {"instance": "hello", "peers": [six]}, host="r1").params.peers
+
+
+@pytest.mark.parametrize(
+    ("name", "port", "own"),
+    [
+        (NAME, 20_000, True), (NAME, 29_998, True), (NAME, 20_001, False), (NAME, 30_000, False), (NAME, 2375, False),
+        (NAME[:-1] + "b", 20_001, True), (NAME[:-1] + "b", 20_000, False), ("lo", 20_000, False), ("", 20_000, False),
+    ],
+)  # fmt: skip
+def test_an_interface_has_a_port_of_its_own_alone(name: str, port: int, own: bool) -> None:
+    """A plan file could take any port from 1024 on of each robot, and no line of the plan named it."""
+    values = {"instance": "hello", "address": "10.128.0.1", "port": port, "mtu": 1380}
+    want = resource("wireguard", name, values, host="r1").params
+    none = dict.fromkeys(("source", "bridge", "link", "network"), "")
+    names = Names(instance="hello", tunnel=NAME[:-1], vteps=frozenset(), **none)
+    assert MODULES["wireguard"].is_own(name, want, names) is own
+
+
+def test_peers_are_sent_to_at_ports_of_interfaces_alone() -> None:
+    with pytest.raises(ParameterError, match="is no IP address with a port"):
+        resource("wireguard_peers", NAME, {"instance": "hello", "peers": [["r2", "192.0.2.2:53", "10.128.0.2"]]})

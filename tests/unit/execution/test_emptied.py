@@ -1,0 +1,183 @@
+"""An engine that follows links while it removes folders gets empty ones to remove."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from srprov.execution.emptied import emptied, is_led
+from srprov.modules.container_commands import remove
+from srprov.session import no_progress
+from srprov.wire import EngineCall, EngineQuery, Reply, Run
+
+A, B = "a" * 64, "b" * 64
+
+
+class Engine:
+    """A session whose engine keeps all that it has below a folder; `having` lists the containers that have a volume."""
+
+    def __init__(self, folder: Path, go: str = "go1.19.8", **body: Any) -> None:
+        self.folder, self.go, self.body = folder, go, body
+        self.having: dict[str, list[str]] = {}
+        self.done: list[EngineCall | Run] = []
+        self.says = Reply(status=0, ok=True)
+
+    def ask(self, queries: list[EngineQuery]) -> list[Reply]:
+        return [self._answer(one) for one in queries]
+
+    def _answer(self, query: EngineQuery) -> Reply:
+        if query.path == "/version":
+            return Reply(status=200, out=json.dumps({"Version": "20.10.24", "GoVersion": self.go}))
+        if query.path == "/containers/json":
+            assert dict(query.params)["all"] == "true", "one that has ended may start again"
+            (name,) = json.loads(dict(query.params)["filters"])["volume"]
+            ids = self.having.get(name, [])
+            return Reply(status=200, out=json.dumps([{"Id": one, "Mounts": [{"Name": name}]} for one in ids]))
+        if query.path.startswith("/volumes/"):
+            place = str(self.folder / query.path.removeprefix("/volumes/") / "_data")
+            return Reply(status=200, out=json.dumps({"Driver": "local", "Mountpoint": place, **self.body}))
+        assert query.path == "/containers/srprov.x.a/json"
+        return Reply(status=200, out=json.dumps({"Id": "i", "State": {"Running": False}, **self.body}))
+
+    def execute(self, command: EngineCall | Run, *_: object) -> Reply:
+        self.done.append(command)
+        if isinstance(command, EngineCall) or not self.says.ok:
+            return self.says
+        done = subprocess.run(["sh", "-c", command.script], capture_output=True, text=True, check=False)
+        return Reply(status=done.returncode, ok=done.returncode == 0, out=done.stdout, err=done.stderr)
+
+
+def removed(engine: Engine, call: EngineCall | None = None) -> Reply | None:
+    return emptied(call or remove("srprov.x.a"), engine, no_progress)  # type: ignore[arg-type]
+
+
+def volume(name: str) -> EngineCall:
+    return EngineCall(method="DELETE", path=f"/volumes/{name}")
+
+
+def filled(folder: Path) -> Path:
+    """Make a folder that is held, with files, a link, and odd names."""
+    (folder / "-rf" / "below it").mkdir(parents=True)
+    (folder / ".hidden").write_text("x")
+    (folder / "out").symlink_to(folder.parent.parent)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("version", "led"),
+    [
+        ("go1.19.8", True), ("go1.21.10", True), ("go1.21.11", False), ("go1.22", True), ("go1.22rc1", True),
+        ("go1.22.3", True), ("go1.22.4", False), ("go1.22.4 X:boringcrypto", False), ("go1.23", False),
+        ("go1.23rc1", False), ("go1.25.1", False), ("go1.9", True), ("devel +3a", True), ("", True),
+    ],
+)  # fmt: skip
+def test_engines_are_led_by_what_they_were_built_with(version: str, led: bool) -> None:
+    assert is_led(version) is led
+
+
+def test_what_a_volume_had_is_gone_before_and_nobody_holds_what_is_left(tmp_path: Path) -> None:
+    data = filled(tmp_path / "v" / "_data")
+    filled(tmp_path / "v" / "_data.old")  # of a run that was killed
+    (tmp_path / "w").mkdir()
+    held = os.open(data, os.O_PATH)
+    assert removed(Engine(tmp_path), volume("v")) is None
+    with pytest.raises(FileNotFoundError):
+        os.symlink("/usr/local/sbin", "d00", dir_fd=held)
+    os.close(held)
+    assert os.listdir(tmp_path / "v") == ["_data"] and os.listdir(data) == []
+    assert sorted(os.listdir(tmp_path)) == ["v", "w"]
+
+
+def test_what_a_killed_run_left_goes_also_where_nothing_else_is_left(tmp_path: Path) -> None:
+    filled(tmp_path / "v" / "_data.old")
+    assert removed(Engine(tmp_path), volume("v")) is None
+    assert os.listdir(tmp_path / "v") == []
+
+
+def test_a_volume_that_somebody_has_is_left_to_its_engine_to_refuse(tmp_path: Path) -> None:
+    filled(tmp_path / "v" / "_data")
+    engine = Engine(tmp_path)
+    engine.having["v"] = ["i"]
+    assert removed(engine, volume("v")) is None and engine.done == []
+
+
+@pytest.mark.parametrize(
+    "engine",
+    [
+        {"go": "go1.24.1"},
+        {"Driver": "nfs"},
+        {"Mountpoint": "v/_data"},
+        {"Mountpoint": None},
+    ],
+)
+def test_what_is_not_told_or_needs_nothing_is_left_to_its_engine(tmp_path: Path, engine: dict[str, Any]) -> None:
+    filled(tmp_path / "v" / "_data")
+    session = Engine(tmp_path, **engine)
+    assert removed(session, volume("v")) is None and session.done == []
+
+
+def container(tmp_path: Path, **more: Any) -> Engine:
+    """Give an engine whose container has a named volume, and two with no name, one of which another one has."""
+    upper = filled(tmp_path / "layer" / "diff")
+    mounts = [
+        {"Type": "volume", "Name": name, "Driver": "local", "Source": str(filled(tmp_path / name / "_data"))}
+        for name in ("named", A, B, "c" * 64, "d" * 64)
+    ]
+    host = {"Mounts": [{"Source": "named", "Target": "/n"}, {"Source": "c" * 64}], "Binds": [f"{'d' * 64}:/d:ro"]}
+    driver = {"Name": "overlay2", "Data": {"UpperDir": str(upper)}}
+    body = {"Mounts": [{"Type": "bind", "Source": "/srv"}, *mounts], "HostConfig": host, "GraphDriver": driver, **more}
+    engine = Engine(tmp_path, **body)
+    engine.having = {A: ["i"], B: ["i", "j"]}
+    return engine
+
+
+def test_a_container_loses_its_own_files_and_its_volumes_with_no_name(tmp_path: Path) -> None:
+    engine = container(tmp_path)
+    assert removed(engine) is None
+    assert [type(one) for one in engine.done] == [Run]
+    left = {one: os.listdir(tmp_path / one) for one in os.listdir(tmp_path)}
+    assert left == {"layer": ["diff"], **{name: ["_data"] for name in ("named", A, B, "c" * 64, "d" * 64)}}
+    empty = {one for one in left if not list((tmp_path / one / left[one][0]).iterdir())}
+    assert empty == {"layer", A}
+
+
+def test_one_that_runs_is_ended_first_and_nothing_is_taken_from_it_else(tmp_path: Path) -> None:
+    engine = container(tmp_path, State={"Running": True})
+    assert removed(engine) is None
+    assert [getattr(one, "path", "") for one in engine.done] == ["/containers/srprov.x.a/stop", ""]
+    assert list((tmp_path / "layer" / "diff").iterdir()) == []
+    lasting = container(tmp_path / "again", State={"Running": True})
+    lasting.says = Reply(status=500, ok=False, err="tried to kill it")
+    assert removed(lasting) == lasting.says and len(list((tmp_path / "again/layer/diff").iterdir())) == 3
+
+
+def test_a_container_whose_files_lie_elsewhere_is_its_engines(tmp_path: Path) -> None:
+    engine = container(tmp_path, GraphDriver={"Name": "btrfs", "Data": None}, Mounts=[])
+    assert removed(engine) is None and engine.done == []
+
+
+def test_what_cannot_be_emptied_is_told_and_not_removed(tmp_path: Path) -> None:
+    engine = container(tmp_path)
+    engine.says = Reply(status=1, ok=False, err="rm: cannot remove './diff.old/q': Directory not empty\n")
+    told = removed(engine)
+    assert told is not None and not told.ok
+    assert "its files cannot be removed: rm: cannot remove './diff.old/q': Directory not empty\na container" in told.err
+    engine.says = Reply(status=47, ok=False, err="")
+    assert "cannot be closed off" in str(removed(engine))
+
+
+def test_other_commands_are_not_looked_at(tmp_path: Path) -> None:
+    engine = Engine(tmp_path, go="")
+    for method, path in (
+        ("DELETE", "/networks/x"),
+        ("DELETE", "/images/a/b"),
+        ("POST", "/containers/x/start"),
+        ("POST", "/build"),
+    ):
+        assert removed(engine, EngineCall(method=method, path=path)) is None
+    assert engine.done == []
