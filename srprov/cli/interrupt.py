@@ -5,7 +5,8 @@ A soft end is bounded, too: `execution/ending.py`.
 A KeyboardInterrupt may be raised at any line of the main thread, and would take the report of what was done with it.
 So while robots are changed, the first one only sets an event. Anywhere else SIGTERM is a KeyboardInterrupt too, so that
 connections are closed and locks are free when the program is gone. In the middle of an import neither is raised at
-once: importlib would be left with its lock held, and all threads that import anything would hang.
+once: importlib would be left with its lock held, and all threads that import anything would hang. Raised where nothing
+can be raised to, as in a destructor, it is sent again.
 
 CPython runs handlers in the main thread only, and a signal that comes just before that thread goes to sleep, or that
 another thread receives, does not wake it: the handler would run when the wait is over, perhaps a minute later. So a
@@ -18,6 +19,7 @@ import _thread
 import contextlib
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -38,6 +40,7 @@ def as_interrupt() -> None:
     if threading.current_thread() is threading.main_thread():
         for number in _SIGNALS:
             signal.signal(number, _leave)
+        sys.unraisablehook = _raise_again
         signal.signal(_WAKE, lambda number, frame: None)
         woken, wakes = os.pipe()
         os.set_blocking(wakes, False)
@@ -59,6 +62,13 @@ def _leave(number: int, frame: FrameType | None) -> None:
     if not _importing(frame):
         raise KeyboardInterrupt
     _thread.start_new_thread(_send_again, (number,))
+
+
+def _raise_again(lost: sys.UnraisableHookArgs) -> None:
+    if lost.exc_type is KeyboardInterrupt:
+        _thread.start_new_thread(_send_again, (signal.SIGINT,))
+    else:
+        sys.__unraisablehook__(lost)
 
 
 def _importing(frame: FrameType | None) -> bool:

@@ -68,6 +68,32 @@ with soft_interrupt(stop):
     assert (done.returncode, done.stdout) == (0, "left\n"), done.stderr
 
 
+def test_a_signal_in_a_destructor_is_not_lost() -> None:
+    """Python prints what is raised there, and goes on: Ctrl-C would have done nothing."""
+    script = """
+import os, signal, time
+from srprov.cli.interrupt import as_interrupt
+as_interrupt()
+class Held:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.3)
+class Wrong:
+    def __del__(self):
+        1 / 0
+Wrong()
+try:
+    Held()
+    for _ in range(100):
+        time.sleep(0.1)
+except KeyboardInterrupt:
+    print("left")
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=30)
+    assert (done.returncode, done.stdout) == (0, "left\n"), done.stderr
+    assert "ZeroDivisionError" in done.stderr and "KeyboardInterrupt" not in done.stderr
+
+
 def test_a_signal_in_the_middle_of_an_import_waits_for_its_end(tmp_path: Path) -> None:
     """An import that is left in its middle leaves importlib's lock held, and whoever imports next waits for ever."""
     lines = "import os, signal, time", "os.kill(os.getpid(), signal.SIGTERM)", "time.sleep(0.3)", "print('imported')"

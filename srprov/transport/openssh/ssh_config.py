@@ -87,7 +87,9 @@ def _parse(name: str, text: str, address: str) -> dict[str, list[str]]:
 
 def _ssh_g(name: str, address: str, given: Mapping[str, Sequence[str]], chosen: Path | None) -> dict[str, list[str]]:
     """Let OpenSSH resolve its own configuration; Match may depend on user and port, so they are given too."""
-    check_words(name, [address, *(word for key in _IN_COMMANDS for word in given.get(key, ()))])
+    said = [address, *(word for key in _IN_COMMANDS for word in given.get(key, ()))]
+    check_words(name, said)
+    check_parts(name, said)
     settings = [f"{key}={value}" for key, values in given.items() if key not in ADDS_UP for value in values]
     _check_lines(name, settings)
     command = ["ssh", "-G", *(["-F", os.path.abspath(chosen)] if chosen else []), *(f"-o{one}" for one in settings)]

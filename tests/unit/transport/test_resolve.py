@@ -222,6 +222,11 @@ def test_no_name_leads_to_another_file(tmp_path: Path, given: dict[str, object])
     """A project names its robots, and the user's own file may have known hosts of each in a file of its own."""
     with pytest.raises(ConnectError, match="it has a slash"):
         resolved(tmp_path, f"Host *\n  UserKnownHostsFile {tmp_path}/%k/%r\n", **given)
+    if shutil.which("ssh"):
+        ran = f'Match exec "touch {tmp_path}/ran"\n  Port 2222\n'
+        with pytest.raises(ConnectError, match="it has a slash"):
+            resolved(tmp_path, ran, **given)
+        assert not [*tmp_path.glob("ran*")], "a command may have it in the name of a file, too"
 
 
 def test_no_command_of_ssh_config_runs_in_the_folder_at_hand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
