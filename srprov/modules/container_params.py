@@ -78,7 +78,7 @@ class ContainerParams(msgspec.Struct, frozen=True, kw_only=True):
         for mount in self.mounts:
             if not (isinstance(mount.get("Type"), str) and isinstance(mount.get("Target"), str)):
                 raise ParameterError("mounts", "mounts: each needs 'Type' and 'Target'")
-            if "\0" in str(mount.get("Source")):  # where it leads is asked by a shell
+            if "\0" in f"{mount.get('Source')}{mount['Target']}":  # where they lead is asked by a shell
                 raise ParameterError("mounts", "mounts: no path holds a NUL")
 
     def publishes(self) -> str:

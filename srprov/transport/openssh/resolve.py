@@ -28,14 +28,22 @@ def resolve(host: Host, *, ssh_config: Path | None = None) -> SshSettings:
     """Find out how to reach a host.
 
     Raises:
-        ConnectError: ssh_config cannot be read or resolved.
+        ConnectError: ssh_config cannot be read or resolved, or names a file by what there is not.
     """
     given = _first_wins(host)
     config = lookup(host.name, host.address, given, ssh_config)
     for key, values in given.items():
         config[key] = [*values, *config.get(key, [])] if key in ADDS_UP else values
     inherited = tuple((key, given[key][0]) for key in _OF_JUMP_HOSTS_TOO if key in given)
-    return _settings(host, _Config({key: values for key, values in config.items() if values}), ssh_config, inherited)
+    try:
+        return _settings(
+            host, _Config({key: values for key, values in config.items() if values}), ssh_config, inherited
+        )
+    except ValueError as error:
+        hint = "correct the names of files in ssh_config, or in the inventory's arguments for ssh"
+        raise ConnectError(
+            host.name, f"its ssh configuration names a file, and {error}", hint=hint, code=Code.SSH_CONFIG
+        ) from None
 
 
 def _first_wins(host: Host) -> dict[str, list[str]]:
@@ -159,11 +167,19 @@ def expand(text: str, tokens: Mapping[str, str], *, tilde: bool = True) -> str:
 
     In one pass: what a token stands for may be a stranger's word, such as a user in an inventory; it is taken
     as it is.
+
+    Raises:
+        ValueError: There is no such variable, or no such user: the name of a file would begin in the folder at hand.
     """
 
     def value(found: re.Match[str]) -> str:
         if found[1] is None:
             return tokens.get(found[0], found[0])
-        return os.environ.get(found[1], found[0]) if tilde else found[0]
+        if tilde and found[1] not in os.environ:
+            raise ValueError(f"the variable {found[1]} is not set")
+        return os.environ[found[1]] if tilde else found[0]
 
-    return re.sub(r"%.|\$\{(\w+)\}", value, os.path.expanduser(text) if tilde else text)
+    home = os.path.expanduser(text) if tilde else text
+    if tilde and home.startswith("~"):
+        raise ValueError(f"there is no user {home.partition('/')[0][1:]}")
+    return re.sub(r"%.|\$\{(\w+)\}", value, home)

@@ -336,6 +336,7 @@ def test_the_shipped_playbooks_render() -> None:
         ),
         (HOST.replace("[]", "[{}]"), "mounts: each needs 'Type' and 'Target'"),
         (HOST.replace("[]", '[{Type: bind, Target: /x, Source: "a\\0"}]'), "mounts: no path holds a NUL"),
+        (HOST.replace("[]", '[{Type: tmpfs, Target: "/x\\0y"}]'), "mounts: no path holds a NUL"),
     ],
 )
 def test_a_module_refuses_what_it_cannot_take(text: str, says: str) -> None:

@@ -143,11 +143,23 @@ def test_agent_choices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert (agent("SSH_AUTH_SOCK"), agent("$OTHER"), agent("/run/third")) == ("/run/agent", "/run/other", "/run/third")
 
 
+@pytest.mark.parametrize("file", ["${NOWHERE}/known", "/x/${NOWHERE}", "~nobody-here/known", "~nobody-here"])
+@pytest.mark.parametrize("key", ["UserKnownHostsFile", "GlobalKnownHostsFile", "RevokedHostKeys", "IdentityFile"])
+def test_a_file_is_named_by_what_there_is(tmp_path: Path, key: str, file: str) -> None:
+    """A folder of a stranger's may be called `${NOWHERE}` or `~nobody-here`, and say there which keys robots have."""
+    with pytest.raises(ConnectError, match=r"NOWHERE is not set|there is no user nobody-here"):
+        resolved(tmp_path, ssh_options=((key.lower(), file),))
+    if key == "IdentityFile" and file.startswith("~"):
+        return  # paramiko's reader takes a `~` for the user's own home
+    with pytest.raises(ConnectError, match=r"NOWHERE is not set|there is no user nobody-here"):
+        resolved(tmp_path, f"Host *\n  {key} {file}\n")
+
+
 def test_expand(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOME", "/home/me")
     monkeypatch.setenv("PLACE", "there")
     tokens = {"%h": "host", "%%": "%"}
-    assert expand("~/%h/%%h/${PLACE}/%x/${NOWHERE}", tokens) == "/home/me/host/%h/there/%x/${NOWHERE}"
+    assert expand("~/%h/%%h/${PLACE}/%x/${", tokens) == "/home/me/host/%h/there/%x/${"
     # a user that a stranger's inventory names is a word, and nothing of the environment
     assert expand("known/%r@%h", {"%r": "${PLACE}", "%h": "%r"}) == "known/${PLACE}@%r"
     assert expand("cat ~/%h", tokens, tilde=False) == "cat ~/host"
