@@ -37,6 +37,7 @@ for name in $4; do
     mount -o remount,bind,ro "/tmp/etc/$name" || exit {NO_SANDBOX}
 done
 mount -c --bind . /tmp/folder && mount -o "remount,bind,$3,nodev,nosuid,noexec" /tmp/folder || exit {NO_SANDBOX}
+mount -o remount,ro,nosuid,nodev,noexec /tmp || exit {NO_SANDBOX}
 exec chroot /tmp sh -c "cd /folder; $2"
 """
 _WHY_NOT = (

@@ -126,6 +126,25 @@ class Engine:
             return self._inspect(unquote(path.split("/")[2]))
         raise AssertionError(f"the fake engine knows no GET {path}")
 
+    def told(self, kind: str, name: str) -> Reply:
+        """Answer `docker inspect` of what lies where, in the form that is asked for before a removal."""
+        if kind == "volume":
+            place = f"/var/lib/docker/volumes/{name}/_data"
+            told = {"driver": "local", "place": place} if name in self.volumes else None
+        else:
+            one, place = self.containers.get(name), f"/var/lib/docker/overlay2/{identity(name)}/diff"
+            told = one and {
+                "id": identity(name), "runs": one.state == "running", "dead": one.state == "dead",
+                "driver": "overlay2", "place": place, "mounts": _mounted(one.body), "named": None, "binds": None,
+            }  # fmt: skip
+        err = "" if told else f"Error: No such {kind}: {name}"
+        return Reply(status=0 if told else 1, ok=bool(told), out=json.dumps(told), err=err)
+
+    def having(self, volume: str) -> Reply:
+        """List the containers that have a volume."""
+        having = [c for c in self.containers.values() if any(one["Name"] == volume for one in _mounted(c.body))]
+        return Reply(status=0, out="".join(f"{identity(one.name)}\n" for one in having))
+
     def run_foreign(self, name: str) -> None:
         """Run a container that is nobody's of ours, as somebody might by hand."""
         self.containers[name] = Container(name, {"Image": "redis", "HostConfig": {}, "Labels": {"app": "x"}}, "running")
@@ -226,9 +245,7 @@ class Engine:
         filled = {"Hostname": identity(name)[:12], "WorkingDir": "", "User": "", "Cmd": ["sh"], "Entrypoint": None}
         config = {**filled, **{key: value for key, value in one.body.items() if key not in _ASIDE}}
         config["Env"] = [*(one.body.get("Env") or []), "PATH=/bin"]
-        about = {"Config": config, "HostConfig": host, "NetworkSettings": ends, "Mounts": _mounted(one.body)}
-        upper = f"/var/lib/docker/overlay2/{identity(name)}/diff"
-        about["GraphDriver"] = {"Name": "overlay2", "Data": {"UpperDir": upper}}
+        about = {"Config": config, "HostConfig": host, "NetworkSettings": ends}
         return _answer({"Id": identity(name), "Name": "/" + name, "State": state, **about})
 
     # -- changing ------------------------------------------------------------------------------------------------------

@@ -41,6 +41,8 @@ _AS_PLANNED = re.compile(r"(?m)^as_planned (\S+) (\S+)\n")
 _FILL = re.compile(r"to=\$\(docker volume .* (\S+)\) && tar -xf (\S+) .*--strip-components=1")
 _TAKE_PLACE = re.compile(r"from=\$\(docker volume .* (\S+)\) && to=\$\(docker volume .* (\S+)\) && sync")
 _EMPTIED = re.compile(r"\[ ! -d /var/lib/docker/(?:volumes/([^/\s]+)/_data|overlay2/[0-9a-f]{64}/diff) ] \|\| ")
+_TOLD = re.compile(r"docker (volume|container) inspect --format .* -- (\S+)\Z", re.DOTALL)
+_HAVING = re.compile(r"docker ps -aq --no-trunc --filter volume=(\S+)")
 _RENEWED = re.compile(r"to=/var/lib/docker/volumes/(\S+)/_data; new=")
 _LOGS = re.compile(r"docker logs --tail (\d+) (\S+) 2>&1")
 
@@ -288,6 +290,10 @@ class FakeRobot:
             one = self.engine.containers.get(match[2])
             text = self.engine.behaviours.get(one.service, Behaviour()).log if one else ""
             return shell_reply("" if one else f"Error: No such container: {match[2]}", text)
+        if match := _TOLD.match(command):
+            return self.engine.told(match[1], match[2])
+        if match := _HAVING.fullmatch(command):
+            return self.engine.having(match[1])
         if command.startswith("ss "):
             return Reply(status=0, out="".join(f"{line}\n" for line in self.listening))
         if asked := _THERE.findall(command):

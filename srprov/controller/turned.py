@@ -22,7 +22,14 @@ def refuse_turned(session: Reader, container: str) -> None:
         TransportError: The robot is gone.
     """
     (about,) = session.ask([EngineQuery(path=f"/containers/{container}/json")])
-    led = led_of(about.json())
+    said = about.json()
+    if about.ok and not isinstance(said, dict):  # a container's own words may make it too long to be read
+        raise RefusedError(
+            f"what the engine on {session.host} says of {container} cannot be read",
+            hint="make the container anew, with less in its command and labels",
+            code=Code.ENGINE,
+        )
+    led = led_of(said)
     if not led:
         return
     looks = (

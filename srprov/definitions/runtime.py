@@ -6,6 +6,7 @@ Touches the file system for looking, through `mounts`. Problems point at the fil
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from typing import Protocol, TypeVar
 
@@ -37,6 +38,7 @@ RUNTIME_FIELDS = merging.RUNTIME_MERGED | {
     ),
 }
 _T = TypeVar("_T")
+_MOST_WORDS = 128 << 10
 
 
 def parse(layer: Map, folder: str, findings: Findings, path: Path, *, init: bool | None = None) -> Runtime:
@@ -44,6 +46,12 @@ def parse(layer: Map, folder: str, findings: Findings, path: Path, *, init: bool
 
     `init` is what counts where nothing is said of it.
     """
+    found = _read(layer, folder, findings, path, init=init)
+    _check_length(found, layer, findings, path)
+    return found
+
+
+def _read(layer: Map, folder: str, findings: Findings, path: Path, *, init: bool | None) -> Runtime:
     get = layer.entries.get
 
     def read(key: str, reader: Callable[[Node], _T], default: _T) -> _T:
@@ -86,12 +94,28 @@ def parse(layer: Map, folder: str, findings: Findings, path: Path, *, init: bool
     )
 
 
-class _Read(Protocol):
+def _check_length(found: Runtime, layer: Map, findings: Findings, path: Path) -> None:
+    """Check that an engine can tell what there is of a container in an answer that is read: some of it twice."""
+    check = found.healthcheck.test if found.healthcheck else ()
+    said = {
+        "command": found.command, "entrypoint": found.entrypoint, "healthcheck": check,
+        "environment": dict(found.environment), "labels": dict(found.labels),
+    }  # fmt: skip
+    lengths = {key: len(json.dumps(value)) for key, value in said.items()}
+    if sum(lengths.values()) > _MOST_WORDS:
+        key = max(lengths, key=lambda one: lengths[one])
+        message = f"{', '.join(said)} take more than {_MOST_WORDS >> 10} KiB together, as an engine writes them"
+        findings.add(
+            nodes.key_or_value(layer, key), message, (*path, key), "put what is long into a file", code=Code.TOO_LARGE
+        )
+
+
+class _Reader(Protocol):
     def __call__(self, key: str, reader: Callable[[Node], _T], default: _T) -> _T:
         """Return what a field says, or the default where nothing stands, or what stands there is wrong."""
 
 
-def _limits(get: Callable[[str], Node | None], read: _Read) -> Runtime:
+def _limits(get: Callable[[str], Node | None], read: _Reader) -> Runtime:
     """Return what a container may use of the robot, and which of its namespaces it is in."""
 
     def size(node: Node) -> int:

@@ -13,17 +13,23 @@ from __future__ import annotations
 
 import posixpath
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
-from srprov.execution.unfilled import having
 from srprov.sandbox import NO_SANDBOX, NOT_CLOSED, sandboxed_writing
 from srprov.session import Progress, Session
 from srprov.untrusted import mapping, mappings, string
-from srprov.wire import EngineCall, EngineQuery, Reply, Run, quote
+from srprov.wire import EngineCall, EngineQuery, Query, Reply, Run, quote
 
 _GO = re.compile(r"go1\.([0-9]{1,3})(?:\.([0-9]{1,3}))?")
 _MENDED = {21: 11, 22: 4}
-_NONE = 404
+_NONE_SUCH = re.compile(r"no such (container|volume)", re.IGNORECASE)
+_TOLD = {
+    "volumes": """docker volume inspect --format '{"driver":{{json .Driver}},"place":{{json .Mountpoint}}}'""",
+    "containers": """docker container inspect --format '{"id":{{json .Id}},"runs":{{json .State.Running}},\
+"dead":{{json .State.Dead}},"driver":{{json .GraphDriver.Name}},"place":{{json (index .GraphDriver.Data "UpperDir")}},\
+"mounts":{{json .Mounts}},"named":{{json .HostConfig.Mounts}},"binds":{{json .HostConfig.Binds}}}'""",
+}
+"""What asks for that alone, of all that an engine says of one."""
 _UPPER = ("overlay2", "fuse-overlayfs")
 """Storage drivers that tell where a container's own files lie."""
 _ANONYMOUS = re.compile(r"[0-9a-f]{64}")
@@ -31,30 +37,36 @@ _LONGEST_S = 1800.0
 _HELD = "a container that still runs may hold it open: stop it, such as by its experiment's destroy"
 
 
+class _NotToldError(Exception):
+    """An engine does not say what it has to; the text says what."""
+
+
 def emptied(call: EngineCall, session: Session, progress: Progress) -> Reply | None:
     """Take away the files of what an engine is about to remove; return what went wrong, or None.
+
+    What is not told whole goes wrong: a container's own words may make it too long to be read.
 
     Raises:
         TransportError: The robot cannot be talked to any more.
     """
     kind, _, name = call.path.removeprefix("/").partition("/")
-    if call.method != "DELETE" or kind not in ("containers", "volumes"):
+    if call.method != "DELETE" or kind not in _TOLD:
         return None
-    about = EngineQuery(path=f"/containers/{name}/json" if kind == "containers" else f"/volumes/{name}")
-    version, found = session.ask([EngineQuery(path="/version"), about])
-    if not found.ok or not is_led(string(mapping(version.json()).get("GoVersion"))):
+    version, found = session.ask([EngineQuery(path="/version"), Query(command=f"{_TOLD[kind]} -- {quote(name)}")])
+    if not version.ok:  # its engine is away, and is waited for as in any other command
+        return version
+    if not is_led(string(mapping(version.json()).get("GoVersion"))) or _is_gone(found):
         return None
-    body = mapping(found.json())
-    if kind == "volumes":
-        folders = _unused({name: string(body.get("Mountpoint"))} if body.get("Driver") == "local" else {}, "", session)
-    elif mapping(body.get("State")).get("Running") is True and not (stopped := _killed(name, session)).ok:
+    body = mapping(found.json() if found.ok else None)
+    try:
+        folders = _folders(kind, name, body, session)
+    except _NotToldError as error:
+        return Reply(status=found.status, ok=False, err=f"{error}: {found.err.strip()[:300] or 'nothing to be read'}")
+    if body.get("runs") is True and not (stopped := _killed(name, session)).ok:
         return stopped
-    else:
-        folders = [*_written(body), *_unused(_anonymous(body), string(body.get("Id")), session)]
-    script = "\n".join(_emptying(one) for one in folders if one.startswith("/"))
-    if not script:
+    if not folders:
         return None
-    reply = session.execute(Run(script=script, timeout_s=_LONGEST_S), progress)
+    reply = session.execute(Run(script="\n".join(map(_emptying, folders)), timeout_s=_LONGEST_S), progress)
     why = NOT_CLOSED if reply.status == NO_SANDBOX else f"{reply.err.strip()}\n{_HELD}"
     return None if reply.ok else Reply(status=reply.status, ok=False, err=f"its files cannot be removed: {why}")
 
@@ -81,44 +93,52 @@ def _emptying(folder: str) -> str:
 
 def _killed(name: str, session: Session) -> Reply:
     """End what still runs: it would write on, and the engine would end it anyway."""
-    accept = (204, 304, _NONE)
+    accept = (204, 304, 404)
     return session.execute(
         EngineCall(method="POST", path=f"/containers/{name}/stop", params=(("t", "0"),), accept=accept)
     )
 
 
-def _written(body: Mapping[str, object]) -> list[str]:
-    """Return where a container's own files lie."""
-    driver = mapping(body.get("GraphDriver"))
-    return [string(mapping(driver.get("Data")).get("UpperDir"))] if driver.get("Name") in _UPPER else []
+def _is_gone(found: Reply) -> bool:
+    return not found.ok and _NONE_SUCH.search(found.err) is not None
+
+
+def _folders(kind: str, name: str, body: Mapping[str, object], session: Session) -> list[str]:
+    """Return the folders that an engine goes through when it removes that."""
+    driver, place, runs = body.get("driver"), string(body.get("place")), body.get("runs")
+    if kind == "volumes":
+        known = isinstance(driver, str) and driver != ""
+        folders = _unused({name: place}, "", session) if driver == "local" else []
+    else:
+        gone = body.get("dead") is True and driver == ""  # its layer is, but for what has no name
+        known = isinstance(runs, bool) and isinstance(driver, str) and (driver != "" or gone)
+        folders = [*([place] if driver in _UPPER else []), *_unused(_anonymous(body), string(body.get("id")), session)]
+    if not known or not all(one.startswith("/") for one in folders):
+        raise _NotToldError("its engine does not say where its files lie")
+    return folders
 
 
 def _anonymous(body: Mapping[str, object]) -> dict[str, str]:
     """Return the volumes that are removed with a container, and where they lie: it was made with no name of them."""
-    host = mapping(body.get("HostConfig"))
-    binds = host.get("Binds")
-    named = {string(one.get("Source")) for one in mappings(host.get("Mounts"))}
+    binds = body.get("binds")
+    named = {string(one.get("Source")) for one in mappings(body.get("named"))}
     named |= {string(one).partition(":")[0] for one in (binds if isinstance(binds, list) else ())}
     found = {
         string(one.get("Name")): string(one.get("Source"))
-        for one in mappings(body.get("Mounts"))
+        for one in mappings(body.get("mounts"))
         if one.get("Type") == "volume" and one.get("Driver") == "local"
     }
     return {name: place for name, place in found.items() if name not in named and _ANONYMOUS.fullmatch(name)}
 
 
-def _unused(places: Mapping[str, str], by: str, session: Session) -> Iterable[str]:
+def _unused(places: Mapping[str, str], by: str, session: Session) -> list[str]:
     """Return where the volumes lie that no container has, but for one; an engine removes no other ones."""
     if not places:
         return []
-    replies = zip(places.items(), session.ask([having(name) for name in places]), strict=True)
-    return [
-        place
-        for (name, place), reply in replies
-        if reply.ok
-        and not [
-            one
-            for one in mappings(reply.json())
-            if one.get("Id") != by and name in {string(had.get("Name")) for had in mappings(one.get("Mounts"))}
-        ]
-    ]
+    replies = session.ask(
+        [Query(command=f"docker ps -aq --no-trunc --filter {quote('volume=' + one)}") for one in places]
+    )
+    if not all(one.ok for one in replies):
+        raise _NotToldError("its engine does not say who has its volumes")
+    having = [{*one.out.split()} - {by} for one in replies]
+    return [place for place, others in zip(places.values(), having, strict=True) if not others]

@@ -45,7 +45,7 @@ def unfilled(command: Command, session: Session) -> Command | Reply:
     names = sorted({one["Source"] for one in mounts if _may_be_filled(one)})
     if not names:
         return command
-    replies = session.ask([ask(name) for name in names for ask in (having, _about)])
+    replies = session.ask([ask(name) for name in names for ask in (_having, _about)])
     taken = set[str]()
     for name, listed, about in zip(names, replies[::2], replies[1::2], strict=True):
         renewed = None if _others_have(name, listed) else _renewed(about, session)
@@ -83,7 +83,7 @@ def _renewed(about: Reply, session: Session) -> Reply | None:
     return session.execute(Run(script=f"to={quote(place)}; {_RENEW}")) if place.startswith("/") else None
 
 
-def having(name: str) -> EngineQuery:
+def _having(name: str) -> EngineQuery:
     """Return what lists the containers, running or not, that have a volume."""
     return EngineQuery(path="/containers/json", params=(("all", "true"), ("filters", canonical({"volume": [name]}))))
 

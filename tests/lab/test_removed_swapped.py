@@ -14,29 +14,41 @@ from tests.lab.conftest import Lab, busybox, edf, part_of_lab
 
 pytestmark = pytest.mark.lab
 
-TIMES = 2
 HOLD = """
 import ctypes, os, sys, time
 swap = ctypes.CDLL(None, use_errno=True).renameat2
 held = os.open(f"/proc/{sys.argv[1]}/root{sys.argv[2]}", os.O_RDONLY | os.O_DIRECTORY)
-for number in range(1500):
-    os.mkdir(f"e{number}", dir_fd=held)
-    for name in "abc":
-        os.close(os.open(f"e{number}/{name}", os.O_CREAT | os.O_WRONLY, dir_fd=held))
-with os.scandir(os.dup(held)) as found:
-    names = [one.name.encode() for one in found]
-os.symlink("/srv/led", "link", dir_fd=held)
-link, at, end = b"link", 0, time.monotonic() + 60
+names = [f"e{number}" for number in range(15)]
+for name in names:
+    os.mkdir(name, dir_fd=held)
+    for number in range(2500):
+        os.close(os.open(f"{name}/{number}", os.O_CREAT | os.O_WRONLY, dir_fd=held))
+    os.symlink("/srv/led", f"to-{name}", dir_fd=held)
 print("ready", flush=True)
-while at < len(names) and time.monotonic() < end:
-    if swap(held, names[at], held, link, 2):
-        at, link = at + 1, b"link%d" % at
-        try:
-            os.symlink("/srv/led", link, dir_fd=held)
-        except OSError:
-            break
+
+def entries(name):
+    try:
+        folder = os.open(name, os.O_RDONLY | os.O_DIRECTORY, dir_fd=held)
+    except OSError:
+        return -1
+    try:
+        return len(os.listdir(folder))
+    except OSError:
+        return -1
+    finally:
+        os.close(folder)
+
+end = time.monotonic() + 60
+while names and time.monotonic() < end:
+    for name in names[:]:
+        if (left := entries(name)) < 2500:
+            names.remove(name)
+            left > 0 and swap(held, name.encode(), held, f"to-{name}".encode(), 2)
 """
-"""Swaps, again and again, as who was handed that folder, open, may do it; until the names in it are gone."""
+"""Puts a link in the place of each folder once something in it is gone, as who was handed the one above, open, may.
+
+Go's `os.RemoveAll` opened such a folder again, by its name, after each 1024 entries.
+"""
 
 
 @contextmanager
@@ -63,18 +75,17 @@ def test_an_engine_is_led_nowhere_while_it_removes(lab: Lab, tmp_path: Path) -> 
     lab.shell("robot1", "mkdir", "-p", "/srv/led/below")
     lab.shell("robot1", "touch", "/srv/led/file", "/srv/led/below/file")
     try:
-        for _ in range(TIMES):
-            assert lab.srprov("apply", *words, "--yes", "--settle", "0").code == 0
-            pid = str(lab.inspect("robot1", "srprov.removed.a")["State"]["Pid"])
-            with holding(lab, pid, "/own"), holding(lab, pid, "/v/own"):
-                done = lab.srprov("destroy", *words, "--yes", "--volumes")
-            there = lab.shell("robot1", "find", "/srv/led", "-type", "f").out
-            assert there.split() == ["/srv/led/file", "/srv/led/below/file"], there
-            assert done.code == 0 or "a container that still runs may hold it open" in done.err, done
+        assert lab.srprov("apply", *words, "--yes", "--settle", "0").code == 0
+        pid = str(lab.inspect("robot1", "srprov.removed.a")["State"]["Pid"])
+        with holding(lab, pid, "/own"), holding(lab, pid, "/v/own"):
             done = lab.srprov("destroy", *words, "--yes", "--volumes")
-            assert done.code == 0, done
-            left = "docker ps -a; docker volume ls; ls /var/lib/docker/volumes"
-            assert "srprov" not in lab.shell("robot1", "sh", "-c", left).out
+        there = lab.shell("robot1", "find", "/srv/led", "-type", "f").out
+        assert there.split() == ["/srv/led/file", "/srv/led/below/file"], there
+        assert done.code == 0 or "a container that still runs may hold it open" in done.err, done
+        done = lab.srprov("destroy", *words, "--yes", "--volumes")
+        assert done.code == 0, done
+        left = "docker ps -a; docker volume ls; ls /var/lib/docker/volumes"
+        assert "srprov" not in lab.shell("robot1", "sh", "-c", left).out
     finally:
         lab.srprov("destroy", *words, "--yes", "--volumes")
         lab.shell("robot1", "rm", "-rf", "/srv/led")

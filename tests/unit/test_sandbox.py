@@ -66,10 +66,11 @@ def test_a_script_that_writes_has_that_folder_alone(tmp_path: Path) -> None:
     folder, program = tmp_path / "in", f"/usr/bin/srprov-{os.getpid()}"
     folder.mkdir()
     (tmp_path / "decoy").write_text("secret")
-    asked = f"echo new >file; touch {program}; ln /usr/bin/env program; ln ..{tmp_path}/decoy {tmp_path}/decoy ."
+    linked = f"ln /usr/bin/env program; ln ..{tmp_path}/decoy {tmp_path}/decoy ."
+    asked = f"echo new >file; touch {program} /etc/new /new; {linked}"
     script = f"root={quote(str(folder))}; {sandboxed_writing(asked)}"
     done = subprocess.run(["sh", "-c", script], capture_output=True, text=True, check=False, timeout=30)
-    assert "Read-only file system" in done.stderr and "Invalid cross-device link" in done.stderr, done
+    assert done.stderr.count("Read-only file system") == 3 and "Invalid cross-device link" in done.stderr, done
     assert not os.path.exists(program)
     assert [(one.name, one.read_text()) for one in folder.iterdir()] == [("file", "new\n")]
 

@@ -305,3 +305,17 @@ def test_the_time_limit_is_per_search(capsys: pytest.CaptureFixture[str]) -> Non
     """And the help says so."""
     assert run(["assign", "--help"]) == 0
     assert "Stop each search after so long" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize("link", ["runs", "runs/x", "runs/x/assignment.json"])
+def test_no_link_of_a_project_says_what_earlier_runs_were(
+    lab: Path, capsys: pytest.CaptureFixture[str], tmp_path_factory: pytest.TempPathFactory, link: str
+) -> None:
+    elsewhere = tmp_path_factory.mktemp("elsewhere") / "x"
+    elsewhere.mkdir()
+    (elsewhere / "assignment.json").write_text("one word of somebody else's")
+    leads_to = {"runs": elsewhere.parent, "runs/x": elsewhere}.get(link, elsewhere / "assignment.json")
+    (lab / link).parent.mkdir(parents=True, exist_ok=True)
+    (lab / link).symlink_to(leads_to)
+    assert assign("--history", "runs") == 5
+    assert f"{link} is a link that leads out of its folder" in capsys.readouterr().err

@@ -67,3 +67,10 @@ def test_nothing_is_copied_by_way_of_a_link_that_came_since(tmp_path: Path) -> N
 
 def test_of_a_container_without_the_label_nothing_is_asked() -> None:
     looked({})
+
+
+def test_what_cannot_be_read_is_not_taken_for_a_container_without_a_label() -> None:
+    robot = Robot({}, [])
+    robot._one = lambda query: Reply(status=200, out="[" * 100)  # type: ignore[method-assign]
+    with pytest.raises(RefusedError, match=r"what the engine on robot1 says of srprov\.x\.a cannot be read"):
+        refuse_turned(robot, "srprov.x.a")

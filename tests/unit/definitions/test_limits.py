@@ -104,6 +104,20 @@ def test_an_experiment_is_refused_at_its_line(tmp_path: Path, case: str) -> None
     assert f"{tmp_path}/a.edf:" in told and says in told
 
 
+@pytest.mark.parametrize(
+    "field",
+    [
+        'command: ["%s"]', 'entrypoint: ["%s"]', 'environment: {A: "%s"}', 'labels: {a.b: "%s"}',
+        'healthcheck: {test: ["CMD", "%s"]}',
+    ],
+)  # fmt: skip
+def test_no_container_s_words_are_longer_than_its_engine_s_answer_may_be(tmp_path: Path, field: str) -> None:
+    """A few bytes of YAML are many of JSON, and what is too long to be read was taken for nothing."""
+    for text, says in (("a" * 100_000, ""), (r"\a" * 25_000, "take more than 128 KiB together")):
+        told = problems(tmp_path / "a.edf", edf(f"  a: {{image: x, {field % text}}}\n"))
+        assert (says in told) if says else told == ""
+
+
 def test_a_chain_of_a_thousand_services_is_no_mistake(tmp_path: Path) -> None:
     chain = "".join(f"  s{i}: {{image: x, depends_on: [s{i + 1}], replicas: 2}}\n" for i in range(999))
     assert problems(tmp_path / "a.edf", edf(f"{chain}  s999: {{image: x}}\n")) == ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ import pytest
 from srprov.execution.emptied import emptied, is_led
 from srprov.modules.container_commands import remove
 from srprov.session import no_progress
-from srprov.wire import EngineCall, EngineQuery, Reply, Run
+from srprov.wire import EngineCall, EngineQuery, Query, Reply, Run
 
 A, B = "a" * 64, "b" * 64
 
@@ -26,23 +27,28 @@ class Engine:
         self.having: dict[str, list[str]] = {}
         self.done: list[EngineCall | Run] = []
         self.says = Reply(status=0, ok=True)
+        self.silent = ""
+        """What `docker` answers with a complaint alone."""
+        self.complaint = "permission denied while trying to connect"
 
-    def ask(self, queries: list[EngineQuery]) -> list[Reply]:
+    def ask(self, queries: list[EngineQuery | Query]) -> list[Reply]:
         return [self._answer(one) for one in queries]
 
-    def _answer(self, query: EngineQuery) -> Reply:
-        if query.path == "/version":
+    def _answer(self, query: EngineQuery | Query) -> Reply:
+        if isinstance(query, EngineQuery):
+            assert query.path == "/version"
             return Reply(status=200, out=json.dumps({"Version": "20.10.24", "GoVersion": self.go}))
-        if query.path == "/containers/json":
-            assert dict(query.params)["all"] == "true", "one that has ended may start again"
-            (name,) = json.loads(dict(query.params)["filters"])["volume"]
-            ids = self.having.get(name, [])
-            return Reply(status=200, out=json.dumps([{"Id": one, "Mounts": [{"Name": name}]} for one in ids]))
-        if query.path.startswith("/volumes/"):
-            place = str(self.folder / query.path.removeprefix("/volumes/") / "_data")
-            return Reply(status=200, out=json.dumps({"Driver": "local", "Mountpoint": place, **self.body}))
-        assert query.path == "/containers/srprov.x.a/json"
-        return Reply(status=200, out=json.dumps({"Id": "i", "State": {"Running": False}, **self.body}))
+        what, *_, last = shlex.split(query.command)[1:]
+        if what == self.silent:
+            return Reply(status=1, ok=False, err=self.complaint)
+        if what == "ps":
+            assert "-aq --no-trunc" in query.command, "one that has ended may start again"
+            return Reply(status=0, out="".join(f"{one}\n" for one in self.having.get(last.removeprefix("volume="), [])))
+        if what == "volume":
+            place = str(self.folder / last / "_data")
+            return Reply(status=0, out=json.dumps({"driver": "local", "place": place, **self.body}))
+        assert (what, last) == ("container", "srprov.x.a")
+        return Reply(status=0, out=json.dumps({"id": "i", "runs": False, "dead": False, **self.body}))
 
     def execute(self, command: EngineCall | Run, *_: object) -> Reply:
         self.done.append(command)
@@ -106,19 +112,36 @@ def test_a_volume_that_somebody_has_is_left_to_its_engine_to_refuse(tmp_path: Pa
     assert removed(engine, volume("v")) is None and engine.done == []
 
 
-@pytest.mark.parametrize(
-    "engine",
-    [
-        {"go": "go1.24.1"},
-        {"Driver": "nfs"},
-        {"Mountpoint": "v/_data"},
-        {"Mountpoint": None},
-    ],
-)
-def test_what_is_not_told_or_needs_nothing_is_left_to_its_engine(tmp_path: Path, engine: dict[str, Any]) -> None:
+@pytest.mark.parametrize("engine", [{"go": "go1.24.1"}, {"driver": "nfs"}])
+def test_what_needs_nothing_is_left_to_its_engine(tmp_path: Path, engine: dict[str, Any]) -> None:
     filled(tmp_path / "v" / "_data")
     session = Engine(tmp_path, **engine)
     assert removed(session, volume("v")) is None and session.done == []
+
+
+@pytest.mark.parametrize(
+    "body", [{"driver": None}, {"driver": ""}, {"place": "v/_data"}, {"place": None}, {"driver": ["local"]}]
+)
+def test_a_volume_of_which_too_little_is_told_is_not_removed(tmp_path: Path, body: dict[str, Any]) -> None:
+    told = removed(Engine(tmp_path, **body), volume("v"))
+    assert told is not None and not told.ok and "does not say where its files lie" in told.err
+
+
+def test_a_volume_is_not_removed_where_nobody_says_who_has_it(tmp_path: Path) -> None:
+    """To empty it would take the data of who has it."""
+    filled(tmp_path / "v" / "_data")
+    for silent, says in (("volume", "permission denied"), ("ps", "does not say who has its volumes")):
+        engine = Engine(tmp_path)
+        engine.silent = silent
+        told = removed(engine, volume("v"))
+        assert told is not None and not told.ok and says in told.err
+        assert engine.done == [] and len(list((tmp_path / "v" / "_data").iterdir())) == 3
+
+
+def test_what_is_gone_is_left_to_its_engine_to_say(tmp_path: Path) -> None:
+    engine = Engine(tmp_path)
+    engine.silent, engine.complaint = "container", "Error: No such container: srprov.x.a"
+    assert removed(engine) is None and engine.done == []
 
 
 def container(tmp_path: Path, **more: Any) -> Engine:
@@ -128,10 +151,14 @@ def container(tmp_path: Path, **more: Any) -> Engine:
         {"Type": "volume", "Name": name, "Driver": "local", "Source": str(filled(tmp_path / name / "_data"))}
         for name in ("named", A, B, "c" * 64, "d" * 64)
     ]
-    host = {"Mounts": [{"Source": "named", "Target": "/n"}, {"Source": "c" * 64}], "Binds": [f"{'d' * 64}:/d:ro"]}
-    driver = {"Name": "overlay2", "Data": {"UpperDir": str(upper)}}
-    body = {"Mounts": [{"Type": "bind", "Source": "/srv"}, *mounts], "HostConfig": host, "GraphDriver": driver, **more}
-    engine = Engine(tmp_path, **body)
+    body = {
+        "driver": "overlay2",
+        "place": str(upper),
+        "mounts": [{"Type": "bind", "Source": "/srv"}, *mounts],
+        "named": [{"Source": "named", "Target": "/n"}, {"Source": "c" * 64}],
+        "binds": [f"{'d' * 64}:/d:ro"],
+    }
+    engine = Engine(tmp_path, **{**body, **more})
     engine.having = {A: ["i"], B: ["i", "j"]}
     return engine
 
@@ -147,18 +174,40 @@ def test_a_container_loses_its_own_files_and_its_volumes_with_no_name(tmp_path: 
 
 
 def test_one_that_runs_is_ended_first_and_nothing_is_taken_from_it_else(tmp_path: Path) -> None:
-    engine = container(tmp_path, State={"Running": True})
+    engine = container(tmp_path, runs=True)
     assert removed(engine) is None
     assert [getattr(one, "path", "") for one in engine.done] == ["/containers/srprov.x.a/stop", ""]
     assert list((tmp_path / "layer" / "diff").iterdir()) == []
-    lasting = container(tmp_path / "again", State={"Running": True})
+    lasting = container(tmp_path / "again", runs=True)
     lasting.says = Reply(status=500, ok=False, err="tried to kill it")
     assert removed(lasting) == lasting.says and len(list((tmp_path / "again/layer/diff").iterdir())) == 3
 
 
 def test_a_container_whose_files_lie_elsewhere_is_its_engines(tmp_path: Path) -> None:
-    engine = container(tmp_path, GraphDriver={"Name": "btrfs", "Data": None}, Mounts=[])
+    engine = container(tmp_path, driver="btrfs", place="", mounts=[])
     assert removed(engine) is None and engine.done == []
+
+
+def test_of_one_that_is_dead_what_has_no_name_is_left(tmp_path: Path) -> None:
+    engine = container(tmp_path, driver="", place="", dead=True)
+    assert removed(engine) is None
+    assert list((tmp_path / A / "_data").iterdir()) == [] and len(list((tmp_path / "layer/diff").iterdir())) == 3
+
+
+@pytest.mark.parametrize(
+    "body",
+    [{"driver": ""}, {"driver": None}, {"place": ""}, {"runs": None}, {"runs": "no"}, {"dead": True, "driver": None}],
+)
+def test_a_container_of_which_too_little_is_told_is_not_removed(tmp_path: Path, body: dict[str, Any]) -> None:
+    """Its own command was so long that nothing of it could be read, and its engine was led as before."""
+    engine = container(tmp_path, **body)
+    told = removed(engine)
+    assert told is not None and not told.ok and "does not say where its files lie" in told.err
+    assert engine.done == []
+    silent = container(tmp_path / "again")
+    silent.silent = "ps"
+    told = removed(silent)
+    assert told is not None and not told.ok and "who has its volumes" in told.err and silent.done == []
 
 
 def test_what_cannot_be_emptied_is_told_and_not_removed(tmp_path: Path) -> None:
@@ -169,6 +218,12 @@ def test_what_cannot_be_emptied_is_told_and_not_removed(tmp_path: Path) -> None:
     assert "its files cannot be removed: rm: cannot remove './diff.old/q': Directory not empty\na container" in told.err
     engine.says = Reply(status=47, ok=False, err="")
     assert "cannot be closed off" in str(removed(engine))
+
+
+def test_an_engine_that_is_away_is_waited_for_as_in_any_other_command(tmp_path: Path) -> None:
+    engine, away = container(tmp_path), Reply(status=0, ok=False, err="the Docker Engine closed the connection")
+    engine._answer = lambda query: away  # type: ignore[method-assign]
+    assert removed(engine) == away and engine.done == []
 
 
 def test_other_commands_are_not_looked_at(tmp_path: Path) -> None:

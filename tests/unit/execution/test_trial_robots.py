@@ -55,7 +55,8 @@ class Robot:
     def ask(self, queries: Sequence[object]) -> list[Reply]:
         if self._gone():
             return [AWAY for _ in queries]
-        return [Reply(status=200, out=json.dumps({"State": self.state})) for _ in queries]
+        about = {"State": self.state, "GoVersion": "go1.25.1"}  # such an engine is led nowhere
+        return [Reply(status=200, out=json.dumps(about)) for _ in queries]
 
     def dies(self) -> None:
         self.state = {"Status": "exited", "ExitCode": 0, "StartedAt": EARLIER, "FinishedAt": LATER}
