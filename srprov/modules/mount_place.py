@@ -64,6 +64,6 @@ def led_of(inspected: object) -> dict[str, str]:
     """
     found = mapping(inspected)
     mounted = {string(one.get("Source")) for one in mappings(found.get("Mounts")) if one.get("Type") == "bind"}
-    label = string_map(mapping(found.get("Config")).get("Labels")).get(LED, "")
-    led = string_map(json_or_none(label))
+    label = mapping(mapping(found.get("Config")).get("Labels")).get(LED)  # of a thousand paths, longer than any other
+    led = string_map(json_or_none(label) if isinstance(label, str) else None)
     return {path: real for path, real in led.items() if path in mounted and absolute(path) and absolute(real)}

@@ -36,7 +36,7 @@ class Robot:
         if isinstance(query, EngineQuery):
             return Reply(status=200, out=json.dumps(self.about))
         assert isinstance(query, Query)
-        done = subprocess.run(["sh", "-c", query.command], capture_output=True, text=True, check=False)
+        done = subprocess.run(["sh"], input=query.command, capture_output=True, text=True, check=False)
         return Reply(status=done.returncode, out=done.stdout, ok=done.returncode == 0)
 
 
@@ -74,3 +74,16 @@ def test_what_cannot_be_read_is_not_taken_for_a_container_without_a_label() -> N
     robot._one = lambda query: Reply(status=200, out="[" * 100)  # type: ignore[method-assign]
     with pytest.raises(RefusedError, match=r"what the engine on robot1 says of srprov\.x\.a cannot be read"):
         refuse_turned(robot, "srprov.x.a")
+
+
+def test_many_long_paths_are_looked_at_as_one_is(tmp_path: Path) -> None:
+    """Their label is longer than others may be."""
+    paths = [tmp_path / ("x" * 240) / ("y" * 240) / f"{number}{'z' * 240}" for number in range(45)]
+    for path in paths:
+        path.mkdir(parents=True)
+    led = {str(path): str(path) for path in paths}
+    assert len(json.dumps(led)) > 1 << 16
+    paths[-1].rmdir()
+    paths[-1].symlink_to(paths[0])
+    with pytest.raises(RefusedError, match=r"/44z+ on robot1 leads to"):
+        looked(led)
