@@ -130,20 +130,23 @@ class Engine:
         """Answer `docker inspect` of what lies where, in the form that is asked for before a removal."""
         if kind == "volume":
             place = f"/var/lib/docker/volumes/{name}/_data"
-            told = {"driver": "local", "place": place} if name in self.volumes else None
+            told: dict[str, Any] | None = {"Driver": "local", "Mountpoint": place} if name in self.volumes else None
         else:
             one, place = self.containers.get(name), f"/var/lib/docker/overlay2/{identity(name)}/diff"
             told = one and {
-                "id": identity(name), "runs": one.state == "running", "dead": one.state == "dead",
-                "driver": "overlay2", "place": place, "mounts": _mounted(one.body), "named": None, "binds": None,
-            }  # fmt: skip
+                "Id": identity(name),
+                "State": {"Running": one.state == "running", "Dead": one.state == "dead"},
+                "GraphDriver": {"Name": "overlay2", "Data": {"UpperDir": place}},
+                "Mounts": _mounted(one.body),
+                "HostConfig": {},
+            }
         err = "" if told else f"Error: No such {kind}: {name}"
         return Reply(status=0 if told else 1, ok=bool(told), out=json.dumps(told), err=err)
 
     def having(self, volume: str) -> Reply:
         """List the containers that have a volume."""
         having = [c for c in self.containers.values() if any(one["Name"] == volume for one in _mounted(c.body))]
-        return Reply(status=0, out="".join(f"{identity(one.name)}\n" for one in having))
+        return Reply(status=0, out="".join(f"{identity(one.name)} /{one.name} has\n" for one in having))
 
     def run_foreign(self, name: str) -> None:
         """Run a container that is nobody's of ours, as somebody might by hand."""

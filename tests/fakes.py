@@ -42,7 +42,7 @@ _FILL = re.compile(r"to=\$\(docker volume .* (\S+)\) && tar -xf (\S+) .*--strip-
 _TAKE_PLACE = re.compile(r"from=\$\(docker volume .* (\S+)\) && to=\$\(docker volume .* (\S+)\) && sync")
 _EMPTIED = re.compile(r"\[ ! -d /var/lib/docker/(?:volumes/([^/\s]+)/_data|overlay2/[0-9a-f]{64}/diff) ] \|\| ")
 _TOLD = re.compile(r"docker (volume|container) inspect --format .* -- (\S+)\Z", re.DOTALL)
-_HAVING = re.compile(r"docker ps -aq --no-trunc --filter volume=(\S+)")
+_HAVING = re.compile(r"ids=\$\(docker ps -aq --no-trunc --filter volume=(\S+)\) && .*", re.DOTALL)
 _RENEWED = re.compile(r"to=/var/lib/docker/volumes/(\S+)/_data; new=")
 _LOGS = re.compile(r"docker logs --tail (\d+) (\S+) 2>&1")
 

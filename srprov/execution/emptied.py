@@ -11,6 +11,7 @@ Source: golang/go issue 52745; moby, `volume/local` and `daemon/graphdriver/over
 
 from __future__ import annotations
 
+import json
 import posixpath
 import re
 from collections.abc import Mapping
@@ -24,10 +25,10 @@ _GO = re.compile(r"go1\.([0-9]{1,3})(?:\.([0-9]{1,3}))?")
 _MENDED = {21: 11, 22: 4}
 _NONE_SUCH = re.compile(r"no such (container|volume)", re.IGNORECASE)
 _TOLD = {
-    "volumes": """docker volume inspect --format '{"driver":{{json .Driver}},"place":{{json .Mountpoint}}}'""",
-    "containers": """docker container inspect --format '{"id":{{json .Id}},"runs":{{json .State.Running}},\
-"dead":{{json .State.Dead}},"driver":{{json .GraphDriver.Name}},"place":{{json (index .GraphDriver.Data "UpperDir")}},\
-"mounts":{{json .Mounts}},"named":{{json .HostConfig.Mounts}},"binds":{{json .HostConfig.Binds}}}'""",
+    "volumes": """docker volume inspect --format '{"Driver":{{json .Driver}},"Mountpoint":{{json .Mountpoint}}}'""",
+    # whole parts: a template ends at a key that is not there
+    "containers": """docker container inspect --format '{"Id":{{json .ID}},"State":{{json .State}},\
+"GraphDriver":{{json .GraphDriver}},"Mounts":{{json .Mounts}},"HostConfig":{{json .HostConfig}}}'""",
 }
 """What asks for that alone, of all that an engine says of one."""
 _UPPER = ("overlay2", "fuse-overlayfs")
@@ -38,7 +39,7 @@ _HELD = "a container that still runs may hold it open: stop it, such as by its e
 
 
 class _NotToldError(Exception):
-    """An engine does not say what it has to; the text says what."""
+    """An engine does not say what it has to, or that it would not remove it; the text says what."""
 
 
 def emptied(call: EngineCall, session: Session, progress: Progress) -> Reply | None:
@@ -57,12 +58,14 @@ def emptied(call: EngineCall, session: Session, progress: Progress) -> Reply | N
         return version
     if not is_led(string(mapping(version.json()).get("GoVersion"))) or _is_gone(found):
         return None
-    body = mapping(found.json() if found.ok else None)
     try:
-        folders = _folders(kind, name, body, session)
+        folders = _folders(kind, name, found, session)
     except _NotToldError as error:
-        return Reply(status=found.status, ok=False, err=f"{error}: {found.err.strip()[:300] or 'nothing to be read'}")
-    if body.get("runs") is True and not (stopped := _killed(name, session)).ok:
+        return Reply(status=found.status, ok=False, err=str(error))
+    if (
+        mapping(mapping(found.json()).get("State")).get("Running") is True
+        and not (stopped := _killed(name, session)).ok
+    ):
         return stopped
     if not folders:
         return None
@@ -103,42 +106,54 @@ def _is_gone(found: Reply) -> bool:
     return not found.ok and _NONE_SUCH.search(found.err) is not None
 
 
-def _folders(kind: str, name: str, body: Mapping[str, object], session: Session) -> list[str]:
+def _folders(kind: str, name: str, found: Reply, session: Session) -> list[str]:
     """Return the folders that an engine goes through when it removes that."""
-    driver, place, runs = body.get("driver"), string(body.get("place")), body.get("runs")
+    body, said = mapping(found.json() if found.ok else None), f"({found.err.strip()[:300]})" if not found.ok else ""
     if kind == "volumes":
-        known = isinstance(driver, str) and driver != ""
-        folders = _unused({name: place}, "", session) if driver == "local" else []
+        driver = body.get("Driver")
+        known, folders = bool(driver), [string(body.get("Mountpoint"))] if driver == "local" else []
+        if having := _having(name, session) if folders else {}:
+            raise _NotToldError(f"it is in use by {', '.join(sorted(having.values()))[:300]}")
     else:
-        gone = body.get("dead") is True and driver == ""  # its layer is, but for what has no name
-        known = isinstance(runs, bool) and isinstance(driver, str) and (driver != "" or gone)
-        folders = [*([place] if driver in _UPPER else []), *_unused(_anonymous(body), string(body.get("id")), session)]
-    if not known or not all(one.startswith("/") for one in folders):
-        raise _NotToldError("its engine does not say where its files lie")
+        state, layer = mapping(body.get("State")), mapping(body.get("GraphDriver"))
+        driver = layer.get("Name")
+        gone = state.get("Dead") is True and driver == ""  # its layer is, but for what has no name
+        known = isinstance(state.get("Running"), bool) and (bool(driver) or gone)
+        folders = [string(mapping(layer.get("Data")).get("UpperDir"))] if driver in _UPPER else []
+        own = {string(body.get("Id"))}
+        folders += [place for one, place in _anonymous(body).items() if _having(one, session).keys() <= own]
+    if not known or not isinstance(driver, str) or not all(one.startswith("/") for one in folders):
+        raise _NotToldError(f"its engine does not say where its files lie {said}".rstrip())
     return folders
 
 
 def _anonymous(body: Mapping[str, object]) -> dict[str, str]:
     """Return the volumes that are removed with a container, and where they lie: it was made with no name of them."""
-    binds = body.get("binds")
-    named = {string(one.get("Source")) for one in mappings(body.get("named"))}
+    host = mapping(body.get("HostConfig"))
+    binds = host.get("Binds")
+    named = {string(one.get("Source")) for one in mappings(host.get("Mounts"))}
     named |= {string(one).partition(":")[0] for one in (binds if isinstance(binds, list) else ())}
     found = {
         string(one.get("Name")): string(one.get("Source"))
-        for one in mappings(body.get("mounts"))
+        for one in mappings(body.get("Mounts"))
         if one.get("Type") == "volume" and one.get("Driver") == "local"
     }
     return {name: place for name, place in found.items() if name not in named and _ANONYMOUS.fullmatch(name)}
 
 
-def _unused(places: Mapping[str, str], by: str, session: Session) -> list[str]:
-    """Return where the volumes lie that no container has, but for one; an engine removes no other ones."""
-    if not places:
-        return []
-    replies = session.ask(
-        [Query(command=f"docker ps -aq --no-trunc --filter {quote('volume=' + one)}") for one in places]
+def _having(volume: str, session: Session) -> dict[str, str]:
+    """Return id -> name of the containers that have a volume.
+
+    An engine's own filter also finds those that have something else at a place that is called so.
+    """
+    has = f"{{{{range .Mounts}}}}{{{{if eq .Name {json.dumps(volume)}}}}} has{{{{end}}}}{{{{end}}}}"
+    form = "{{.ID}} {{.Name}}" + has
+    asks = (
+        f"ids=$(docker ps -aq --no-trunc --filter {quote(f'volume={volume}')}) && "
+        f'{{ [ ! "$ids" ] || docker container inspect --format {quote(form)} $ids; }}'
     )
-    if not all(one.ok for one in replies):
-        raise _NotToldError("its engine does not say who has its volumes")
-    having = [{*one.out.split()} - {by} for one in replies]
-    return [place for place, others in zip(places.values(), having, strict=True) if not others]
+    (reply,) = session.ask([Query(command=asks)])
+    if not reply.ok:
+        raise _NotToldError(f"its engine does not say who has its volumes ({reply.err.strip()[:300]})")
+    found = (line.split() for line in reply.out.splitlines() if line.endswith(" has"))
+    return {words[0]: words[1].removeprefix("/") for words in found}

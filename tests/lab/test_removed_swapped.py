@@ -49,6 +49,10 @@ while names and time.monotonic() < end:
 
 Go's `os.RemoveAll` opened such a folder again, by its name, after each 1024 entries.
 """
+DECOY = """
+printf 'FROM busybox\\nVOLUME srprov.removed.v\\n' | docker build -q -t decoy - && docker create --name decoy decoy
+"""
+"""Has something else at a place that is called as the volume is: an engine's filter takes that for the volume."""
 
 
 @contextmanager
@@ -76,6 +80,7 @@ def test_an_engine_is_led_nowhere_while_it_removes(lab: Lab, tmp_path: Path) -> 
     lab.shell("robot1", "touch", "/srv/led/file", "/srv/led/below/file")
     try:
         assert lab.srprov("apply", *words, "--yes", "--settle", "0").code == 0
+        assert lab.shell("robot1", "sh", "-c", DECOY).code == 0
         pid = str(lab.inspect("robot1", "srprov.removed.a")["State"]["Pid"])
         with holding(lab, pid, "/own"), holding(lab, pid, "/v/own"):
             done = lab.srprov("destroy", *words, "--yes", "--volumes")
@@ -88,4 +93,6 @@ def test_an_engine_is_led_nowhere_while_it_removes(lab: Lab, tmp_path: Path) -> 
         assert "srprov" not in lab.shell("robot1", "sh", "-c", left).out
     finally:
         lab.srprov("destroy", *words, "--yes", "--volumes")
+        lab.shell("robot1", "docker", "rm", "-fv", "decoy")
+        lab.shell("robot1", "docker", "rmi", "decoy")
         lab.shell("robot1", "rm", "-rf", "/srv/led")

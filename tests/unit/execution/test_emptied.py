@@ -16,6 +16,7 @@ from srprov.modules.container_commands import remove
 from srprov.session import no_progress
 from srprov.wire import EngineCall, EngineQuery, Query, Reply, Run
 
+STOPPED = {"Running": False, "Dead": False}
 A, B = "a" * 64, "b" * 64
 
 
@@ -38,17 +39,19 @@ class Engine:
         if isinstance(query, EngineQuery):
             assert query.path == "/version"
             return Reply(status=200, out=json.dumps({"Version": "20.10.24", "GoVersion": self.go}))
+        if query.command.startswith("ids=$(docker ps -aq --no-trunc "):  # those that have ended, too
+            if self.silent == "ps":
+                return Reply(status=1, ok=False, err=self.complaint)
+            _, _, name = query.command.partition(" --filter volume=")
+            return Reply(status=0, out="".join(self.having.get(name.split(")")[0], [])))
         what, *_, last = shlex.split(query.command)[1:]
         if what == self.silent:
             return Reply(status=1, ok=False, err=self.complaint)
-        if what == "ps":
-            assert "-aq --no-trunc" in query.command, "one that has ended may start again"
-            return Reply(status=0, out="".join(f"{one}\n" for one in self.having.get(last.removeprefix("volume="), [])))
         if what == "volume":
             place = str(self.folder / last / "_data")
-            return Reply(status=0, out=json.dumps({"driver": "local", "place": place, **self.body}))
+            return Reply(status=0, out=json.dumps({"Driver": "local", "Mountpoint": place, **self.body}))
         assert (what, last) == ("container", "srprov.x.a")
-        return Reply(status=0, out=json.dumps({"id": "i", "runs": False, "dead": False, **self.body}))
+        return Reply(status=0, out=json.dumps({"Id": "i", "State": STOPPED, **self.body}))
 
     def execute(self, command: EngineCall | Run, *_: object) -> Reply:
         self.done.append(command)
@@ -105,14 +108,24 @@ def test_what_a_killed_run_left_goes_also_where_nothing_else_is_left(tmp_path: P
     assert os.listdir(tmp_path / "v") == []
 
 
-def test_a_volume_that_somebody_has_is_left_to_its_engine_to_refuse(tmp_path: Path) -> None:
+def test_a_volume_that_somebody_has_is_not_removed(tmp_path: Path) -> None:
+    """An engine may have another list of who has it than the one that it shows."""
     filled(tmp_path / "v" / "_data")
     engine = Engine(tmp_path)
-    engine.having["v"] = ["i"]
-    assert removed(engine, volume("v")) is None and engine.done == []
+    engine.having["v"] = ["i /srprov.x.b has has\n"]
+    told = removed(engine, volume("v"))
+    assert told is not None and not told.ok and told.err == "it is in use by srprov.x.b" and engine.done == []
 
 
-@pytest.mark.parametrize("engine", [{"go": "go1.24.1"}, {"driver": "nfs"}])
+def test_a_place_of_that_name_is_no_volume(tmp_path: Path) -> None:
+    """An image may say `VOLUME srprov.x.v`, and an engine's filter finds a container of it for that volume."""
+    data = filled(tmp_path / "v" / "_data")
+    engine = Engine(tmp_path)
+    engine.having["v"] = ["j /srprov.x.decoy\n"]
+    assert removed(engine, volume("v")) is None and list(data.iterdir()) == []
+
+
+@pytest.mark.parametrize("engine", [{"go": "go1.24.1"}, {"Driver": "nfs"}])
 def test_what_needs_nothing_is_left_to_its_engine(tmp_path: Path, engine: dict[str, Any]) -> None:
     filled(tmp_path / "v" / "_data")
     session = Engine(tmp_path, **engine)
@@ -120,7 +133,7 @@ def test_what_needs_nothing_is_left_to_its_engine(tmp_path: Path, engine: dict[s
 
 
 @pytest.mark.parametrize(
-    "body", [{"driver": None}, {"driver": ""}, {"place": "v/_data"}, {"place": None}, {"driver": ["local"]}]
+    "body", [{"Driver": None}, {"Driver": ""}, {"Mountpoint": "v/_data"}, {"Mountpoint": None}, {"Driver": ["local"]}]
 )
 def test_a_volume_of_which_too_little_is_told_is_not_removed(tmp_path: Path, body: dict[str, Any]) -> None:
     told = removed(Engine(tmp_path, **body), volume("v"))
@@ -151,15 +164,14 @@ def container(tmp_path: Path, **more: Any) -> Engine:
         {"Type": "volume", "Name": name, "Driver": "local", "Source": str(filled(tmp_path / name / "_data"))}
         for name in ("named", A, B, "c" * 64, "d" * 64)
     ]
+    host = {"Mounts": [{"Source": "named", "Target": "/n"}, {"Source": "c" * 64}], "Binds": [f"{'d' * 64}:/d:ro"]}
     body = {
-        "driver": "overlay2",
-        "place": str(upper),
-        "mounts": [{"Type": "bind", "Source": "/srv"}, *mounts],
-        "named": [{"Source": "named", "Target": "/n"}, {"Source": "c" * 64}],
-        "binds": [f"{'d' * 64}:/d:ro"],
+        "GraphDriver": {"Name": "overlay2", "Data": {"UpperDir": str(upper)}},
+        "Mounts": [{"Type": "bind", "Source": "/srv"}, *mounts],
+        "HostConfig": host,
     }
     engine = Engine(tmp_path, **{**body, **more})
-    engine.having = {A: ["i"], B: ["i", "j"]}
+    engine.having = {A: ["i /a has\n", "k /decoy\n"], B: ["i /a has\n", "j /b has\n"]}
     return engine
 
 
@@ -174,29 +186,36 @@ def test_a_container_loses_its_own_files_and_its_volumes_with_no_name(tmp_path: 
 
 
 def test_one_that_runs_is_ended_first_and_nothing_is_taken_from_it_else(tmp_path: Path) -> None:
-    engine = container(tmp_path, runs=True)
+    engine = container(tmp_path, State={"Running": True})
     assert removed(engine) is None
     assert [getattr(one, "path", "") for one in engine.done] == ["/containers/srprov.x.a/stop", ""]
     assert list((tmp_path / "layer" / "diff").iterdir()) == []
-    lasting = container(tmp_path / "again", runs=True)
+    lasting = container(tmp_path / "again", State={"Running": True})
     lasting.says = Reply(status=500, ok=False, err="tried to kill it")
     assert removed(lasting) == lasting.says and len(list((tmp_path / "again/layer/diff").iterdir())) == 3
 
 
 def test_a_container_whose_files_lie_elsewhere_is_its_engines(tmp_path: Path) -> None:
-    engine = container(tmp_path, driver="btrfs", place="", mounts=[])
+    engine = container(tmp_path, GraphDriver={"Name": "btrfs", "Data": None}, Mounts=None)
     assert removed(engine) is None and engine.done == []
 
 
 def test_of_one_that_is_dead_what_has_no_name_is_left(tmp_path: Path) -> None:
-    engine = container(tmp_path, driver="", place="", dead=True)
+    engine = container(tmp_path, GraphDriver={"Name": "", "Data": None}, State={"Running": False, "Dead": True})
     assert removed(engine) is None
     assert list((tmp_path / A / "_data").iterdir()) == [] and len(list((tmp_path / "layer/diff").iterdir())) == 3
 
 
 @pytest.mark.parametrize(
     "body",
-    [{"driver": ""}, {"driver": None}, {"place": ""}, {"runs": None}, {"runs": "no"}, {"dead": True, "driver": None}],
+    [
+        {"GraphDriver": {"Name": ""}},
+        {"GraphDriver": None},
+        {"GraphDriver": {"Name": "overlay2", "Data": None}},
+        {"State": None},
+        {"State": {"Running": "no"}},
+        {"State": {"Running": False, "Dead": True}, "GraphDriver": None},
+    ],
 )
 def test_a_container_of_which_too_little_is_told_is_not_removed(tmp_path: Path, body: dict[str, Any]) -> None:
     """Its own command was so long that nothing of it could be read, and its engine was led as before."""
