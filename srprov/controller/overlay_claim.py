@@ -136,12 +136,20 @@ def told_of_strangers(steps: Iterable[Resource], wants: Sequence[Resource]) -> I
 def had_twice(wants: Sequence[Resource]) -> Iterator[str]:
     """Say who has one address or MAC with another one: what is sent to the one of them would come to the other."""
     found: dict[str, set[str]] = {}
+    both = {
+        (want.host, want.params.network.ip): want.params.service
+        for want in wants
+        if isinstance(want.params, ContainerParams) and want.params.network.mode == "both"
+    }
     for want in wants:
         if isinstance(want.params, ContainerParams):
             for end in filter(None, (want.params.network.ip, want.params.network.mac)):
                 found.setdefault(end, set()).add(want.params.service)
         elif isinstance(want.params, NetworkParams):
             found.setdefault(want.params.gateway, set()).add(f"the bridge on {want.host}")
+        elif isinstance(want.params, VxlanParams):  # of services that are in their robot's own network
+            for end in want.params.addresses:
+                found.setdefault(end, set()).add(both.get((want.host, end), f"the bridge on {want.host}"))
     for end, some in sorted(found.items()):
         if len(some) > 1:
             yield f"{end}: {' and '.join(sorted(some))} would both have it"

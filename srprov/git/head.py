@@ -33,7 +33,11 @@ def checkout_of(folder: str) -> tuple[str, str] | None:
     if top is None or own is None:
         return None
     # a worktree has a HEAD of its own, and the references of the repository that it belongs to
-    shared = own.parents[1] if own != top / ".git" and own.parent.name == "worktrees" else own
+    shared = own
+    if own != top / ".git" and own.parent.name == "worktrees":
+        shared = own.parents[1]
+        if not (common := _line(own / "commondir")) or os.path.realpath(own / common) != str(shared):
+            return None  # git goes by what stands there
     if _borrows(shared):
         return None
     found = _line(own / "HEAD")
@@ -75,14 +79,17 @@ def _borrows(shared: Path) -> bool:
     named = (shared / "commondir", objects / "info/alternates", objects / "info/http-alternates")
     if objects.is_symlink() or any(map(os.path.lexists, named)):
         return True
-    for folder in (objects, objects / "pack", objects / "info"):
-        try:
-            with os.scandir(folder) as entries:
-                if any(one.is_symlink() for one in entries):
-                    return True
-        except OSError:  # none is there
-            continue
-    return False
+    try:
+        with os.scandir(objects) as entries:
+            folders = [one.path for one in entries if one.is_dir(follow_symlinks=False)]
+        return any(map(_has_links, (os.fspath(objects), *folders)))
+    except OSError:
+        return True
+
+
+def _has_links(folder: str) -> bool:
+    with os.scandir(folder) as entries:
+        return any(one.is_symlink() for one in entries)
 
 
 def _packed(shared: Path, name: str) -> str:

@@ -63,9 +63,9 @@ class ContainerParams(msgspec.Struct, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         """Refuse what the engine's form cannot be made of."""
-        if self.network.mode == "overlay" and None in (self.network.name, self.network.ip, self.network.mac):
+        if self.network.mode == "overlay" and not all((self.network.name, self.network.ip, self.network.mac)):
             raise ParameterError("network", "network: an overlay needs 'name', 'ip' and 'mac'")
-        if self.network.mode == "both" and self.network.ip is None:
+        if self.network.mode == "both" and not self.network.ip:
             raise ParameterError("network", "network: both needs 'ip'")
         if self.run.mounts:
             raise ParameterError("run", "run: mounts stand beside it, in the engine's form")

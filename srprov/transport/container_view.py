@@ -107,7 +107,7 @@ def about(inspected: object) -> About:
             writable=one.get("RW") is not False,
         )
         for one in mappings(found.get("Mounts"), most=_MOST_MOUNTS)
-        if (at := absolute(one.get("Destination"))) and (source := absolute(one.get("Source")))
+        if (at := _place(string(one.get("Destination")))) and (source := absolute(one.get("Source")))
     ]
     taken = {one.at for one in mounts}
     mounts += [Mount(at=at, source=source) for at, source in paths.items() if source and at not in taken]
@@ -118,6 +118,11 @@ def about(inspected: object) -> About:
         read_only=mapping(found.get("HostConfig")).get("ReadonlyRootfs") is True,
         remapped=any(_REMAPPED.search(path) for path in paths.values()),
     )
+
+
+def _place(destination: str) -> str:
+    """Return where something is mounted: what an image names without a slash is below the root all the same."""
+    return absolute(destination if destination.startswith("/") else f"/{destination}") if destination else ""
 
 
 def has_paths(one: About) -> bool:

@@ -88,7 +88,7 @@ def test_no_reference_is_believed_by_a_second_name(tmp_path: Path, second: str) 
     assert found is not None and found["commit"] is None
 
 
-@pytest.mark.parametrize("way", ["alternates", "objects", "one", "pack", "commondir", "above"])
+@pytest.mark.parametrize("way", ["alternates", "objects", "one", "file", "pack", "commondir", "worktree", "above"])
 def test_no_other_repository_says_what_it_has(tmp_path: Path, way: str) -> None:
     """The record would tell which names, and which contents, its commit has: whoever guesses them learns them."""
     commit = committed(tmp_path / "private")
@@ -104,6 +104,18 @@ def test_no_other_repository_says_what_it_has(tmp_path: Path, way: str) -> None:
     elif way == "one":
         for one in (private / "objects").iterdir():
             (objects / one.name).exists() or (objects / one.name).symlink_to(one)
+    elif way == "file":
+        for one in (private / "objects").glob("??/*"):
+            (objects / one.parent.name).mkdir(exist_ok=True)
+            (objects / one.parent.name / one.name).symlink_to(one)
+    elif way == "worktree":
+        own = tmp_path / "private/store/worktrees/w"
+        for folder in (own, own.parents[1] / "objects", own.parents[1] / "refs"):
+            folder.mkdir(parents=True, exist_ok=True)
+        for name, says in {"HEAD": commit, "gitdir": str(top / ".git"), "commondir": str(private)}.items():
+            (own / name).write_text(says + "\n")
+        subprocess.run(["rm", "-rf", str(top / ".git")], check=True)
+        (top / ".git").write_text(f"gitdir: {own}\n")
     elif way == "pack":
         subprocess.run(["git", "-C", str(tmp_path / "private"), "gc", "-q"], check=True)
         for one in (private / "objects/pack").iterdir():

@@ -74,7 +74,7 @@ def test_peers_at_their_own_addresses_are_right() -> None:
     wants = [
         *interfaces(**ENDS, r3="10.128.0.3"),
         *bridges(**ENDS, r3="10.128.0.3"),
-        right := peers(("r2", "192.0.2.2:20000", ENDS["r2"]), ("r3", "192.0.2.3:1", "10.128.0.3")),
+        right := peers(("r2", "192.0.2.2:20000", ENDS["r2"]), ("r3", "192.0.2.3:20001", "10.128.0.3")),
     ]
     assert list(mixed_up([right], wants, UNDERLAYS)) == []
     assert list(mixed_up([], [*wants, peers(("r3", "192.0.2.2:20000", ENDS["r2"]))], UNDERLAYS)) == []

@@ -285,6 +285,18 @@ def test_no_bridge_of_a_plan_file_has_the_address_of_a_service(world: World) -> 
         check_file(replace(saved, plan=replace(saved.plan, steps=steps), also_wanted=also), "plan.json")
 
 
+def test_no_bridge_of_a_plan_file_has_the_address_of_a_service_beside_its_own(world: World) -> None:
+    """It is for services in their robot's own network; of any other one the robot would answer for it."""
+    saved = reread(planned(world))
+    end = next(one for one in wants_of(saved) if one.module == "container").params.network.ip
+    link = next(one for one in wants_of(saved) if one.module == "vxlan")
+    changed = replace(link, params=replace(link.params, addresses=(end,)))
+    also = tuple(changed if one == link else one for one in saved.also_wanted)
+    steps = tuple(replace(one, want=changed) if one.want == link else one for one in saved.plan.steps)
+    with pytest.raises(UsageError, match=rf"{end}: \w+ and the bridge on r\d would both have it"):
+        check_file(replace(saved, plan=replace(saved.plan, steps=steps), also_wanted=also), "plan.json")
+
+
 @pytest.mark.parametrize("target", ["/data/logs", "//data/x/../a/b", "/data//logs"])
 def test_no_mount_of_a_plan_file_lies_below_what_another_service_writes_to(world: World, target: str) -> None:
     """No EDF says so: by a link in the volume that service would choose where the container has the mount."""

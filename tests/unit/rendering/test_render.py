@@ -324,6 +324,11 @@ def test_the_shipped_playbooks_render() -> None:
         (VXLAN + "  fdb: [a]\n", 'fdb.0: expected a list, not "a"'),
         (CONTAINER + "  network: {}\n", "the parameter 'network.mode' is missing"),
         (CONTAINER + "  network: {mode: overlay}\n", "network: an overlay needs 'name', 'ip' and 'mac'"),
+        (
+            CONTAINER + "  network: {mode: overlay, name: n, ip: '', mac: ''}\n",
+            "network: an overlay needs 'name', 'ip'",
+        ),
+        (CONTAINER + "  network: {mode: both, ip: ''}\n", "network: both needs 'ip'"),
         (HOST.replace("{}", "{gpus: some}"), "run.gpus: expected 'all' or a number"),
         (HOST.replace("{}", "{restart: 'a:b'}"), "run.restart: expected a policy"),
         (

@@ -237,6 +237,13 @@ def test_a_mount_is_found_where_a_link_of_the_image_leads_its_path(world: World,
         session.copy_out("c", "/run")
 
 
+def test_a_mount_without_a_slash_is_found_below_the_root(world: World, session: Session) -> None:
+    """`VOLUME data` of an image: what is there was left out without a word."""
+    world.inspected["Mounts"][0]["Destination"] = "data"
+    (world.data / "here").write_text("x")
+    assert session.path_in("c", "/data/here") == InContainer(is_file=True, size=1)
+
+
 def use(session: Session, path: str) -> None:
     session.copy_into("c", path, tar(x="x"))
 
