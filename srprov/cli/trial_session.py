@@ -188,6 +188,8 @@ def show_report(report: TrialsReport, *, as_json: bool) -> None:
         err(f"  go on with --resume -o {shlex.quote(str(report.folder))}")
     if report.forgetful:
         err(f"warning: images of this run cannot be bundled: {report.forgetful}")
+    if not (report.folder / "trials.csv").is_file():  # what comes before the first trial went wrong
+        return
     if not as_json:
         out(f"{report.folder}/trials.csv")
     err(report.loading)

@@ -117,3 +117,17 @@ def test_a_run_whose_images_are_not_remembered_says_so(tmp_path: Path, capsys: p
         report = TrialsReport(folder=tmp_path, rows=(), design=made, ended_early="", forgetful=why)
         show_report(report, as_json=False)
         assert ("images of this run cannot be bundled: ran.json: no space left" in capsys.readouterr().err) is bool(why)
+
+
+def test_a_table_that_is_not_there_is_not_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What comes before the first trial failed, and no folder was made."""
+    made = design(TrialDefinitions(parameters=(Parameter(name="SPEED", values=("1",)),)))
+    report = TrialsReport(folder=tmp_path / "run", rows=(), design=made, ended_early="")
+    show_report(report, as_json=False)
+    told = capsys.readouterr()
+    assert told.out == "" and "read_csv" not in told.err
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "trials.csv").write_text("trial\n")
+    show_report(report, as_json=False)
+    told = capsys.readouterr()
+    assert told.out == f"{tmp_path}/run/trials.csv\n" and "read_csv" in told.err
