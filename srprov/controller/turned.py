@@ -13,6 +13,8 @@ from srprov.modules.mount_place import LEADS_TO, led_of
 from srprov.session import Reader
 from srprov.wire import EngineQuery, Query, quote
 
+_NONE = 404
+
 
 def refuse_turned(session: Reader, container: str) -> None:
     """Refuse a container of which a path leads elsewhere by now; of one without the label nothing is known.
@@ -23,7 +25,9 @@ def refuse_turned(session: Reader, container: str) -> None:
     """
     (about,) = session.ask([EngineQuery(path=f"/containers/{container}/json")])
     said = about.json()
-    if about.ok and not isinstance(said, dict):  # a container's own words may make it too long to be read
+    if about.status == _NONE:
+        return
+    if not (about.ok and isinstance(said, dict)):  # a container's own words may make it too long to be read
         raise RefusedError(
             f"what the engine on {session.host} says of {container} cannot be read",
             hint="make the container anew, with less in its command and labels",
@@ -36,8 +40,14 @@ def refuse_turned(session: Reader, container: str) -> None:
         f'r=$(leads_to {quote(path)}); [ "$r" = {quote(real)} ] || printf "%s %s\\n" {number} "$r"'
         for number, (path, real) in enumerate(led.items())
     )
-    (said,) = session.ask([Query(command="\n".join([LEADS_TO, *looks, ":"]))])
-    now = led_to(said.out)
+    (looked,) = session.ask([Query(command="\n".join([LEADS_TO, *looks, ":"]))])
+    if not looked.ok:
+        raise RefusedError(
+            f"where the paths of {container} on {session.host} lead cannot be told: {looked.err.strip()[:200]}",
+            hint="see what the robot has run out of",
+            code=Code.ENGINE,
+        )
+    now = led_to(looked.out)
     for number, (path, real) in enumerate(led.items()):
         if str(number) in now:
             where = now[str(number)] or "what cannot be told"

@@ -69,10 +69,24 @@ def test_of_a_container_without_the_label_nothing_is_asked() -> None:
     looked({})
 
 
-def test_what_cannot_be_read_is_not_taken_for_a_container_without_a_label() -> None:
+@pytest.mark.parametrize(
+    "reply", [Reply(status=200, out="[" * 100), Reply(status=0, ok=False, err="its answer is longer than 8 MiB")]
+)
+def test_what_cannot_be_read_is_not_taken_for_a_container_without_a_label(reply: Reply) -> None:
     robot = Robot({}, [])
-    robot._one = lambda query: Reply(status=200, out="[" * 100)  # type: ignore[method-assign]
+    robot._one = lambda query: reply  # type: ignore[method-assign]
     with pytest.raises(RefusedError, match=r"what the engine on robot1 says of srprov\.x\.a cannot be read"):
+        refuse_turned(robot, "srprov.x.a")
+    robot._one = lambda query: Reply(status=404, ok=False, err="no such container")  # type: ignore[method-assign]
+    refuse_turned(robot, "srprov.x.a")  # whoever copies says so
+
+
+def test_a_robot_that_cannot_look_does_not_say_that_all_is_as_it_was(tmp_path: Path) -> None:
+    robot = Robot({str(tmp_path): str(tmp_path)}, [{"Type": "bind", "Source": str(tmp_path)}])
+    answer = robot._one
+    late = Reply(status=1, ok=False, err="sh: cannot fork")
+    robot._one = lambda query: answer(query) if isinstance(query, EngineQuery) else late  # type: ignore[method-assign]
+    with pytest.raises(RefusedError, match=r"srprov\.x\.a on robot1 lead cannot be told: sh: cannot fork"):
         refuse_turned(robot, "srprov.x.a")
 
 
