@@ -5,8 +5,10 @@ A soft end is bounded, too: `execution/ending.py`.
 A KeyboardInterrupt may be raised at any line of the main thread, and would take the report of what was done with it.
 So while robots are changed, the first one only sets an event. Anywhere else SIGTERM is a KeyboardInterrupt too, so that
 connections are closed and locks are free when the program is gone. In the middle of an import neither is raised at
-once: importlib would be left with its lock held, and all threads that import anything would hang. Raised where nothing
-can be raised to, as in a destructor, it is sent again.
+once: importlib would be left with its lock held, and all threads that import anything would hang. Nor is it in a line
+of paramiko's, which takes locks in one line and sees to their release in the next: to close the connection would wait
+for ever. There it waits for half a second at most. Raised where nothing can be raised to, as in a destructor, it is
+sent again.
 
 CPython runs handlers in the main thread only, and a signal that comes just before that thread goes to sleep, or that
 another thread receives, does not wake it: the handler would run when the wait is over, perhaps a minute later. So a
@@ -31,6 +33,8 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 _AGAIN_S = 0.01
+_MOST_AGAIN = 50
+_LOCKS = f"{os.sep}paramiko{os.sep}"
 _WAKE = signal.SIGURG  # ignored by default, so it cannot end a child process that has not set its own handlers yet
 _WAKE_AFTER_S = (0.02, 0.1, 0.5)  # the first may come too early as well
 
@@ -58,10 +62,22 @@ def _wake_main_thread(woken: int) -> None:
 
 
 def _leave(number: int, frame: FrameType | None) -> None:
-    """Raise KeyboardInterrupt, as soon as no import is under way in the main thread."""
-    if not _importing(frame):
+    """Raise KeyboardInterrupt, as soon as no import is under way in the main thread, and no lock half taken."""
+    if not (_importing(frame) or _locking(frame)):
+        _again.clear()
         raise KeyboardInterrupt
     _thread.start_new_thread(_send_again, (number,))
+
+
+_again: list[int] = []
+"""Signals that were put off since one was raised."""
+
+
+def _locking(frame: FrameType | None) -> bool:
+    if frame is None or _LOCKS not in frame.f_code.co_filename or len(_again) >= _MOST_AGAIN:
+        return False
+    _again.append(1)
+    return True
 
 
 def _raise_again(lost: sys.UnraisableHookArgs) -> None:

@@ -68,6 +68,25 @@ with soft_interrupt(stop):
     assert (done.returncode, done.stdout) == (0, "left\n"), done.stderr
 
 
+@pytest.mark.parametrize(("body", "out"), [("return 'released'", "released\nleft\n"), ("while True: pass", "left\n")])
+def test_a_signal_in_a_line_of_paramiko_waits_for_its_lock(body: str, out: str) -> None:
+    """Between the line that takes a lock and the `try` below it; whoever closed the channel then hung for ever."""
+    code = f"def read():\n    os.kill(os.getpid(), signal.SIGINT)\n    {body}"
+    script = f"""
+import os, signal, time
+from srprov.cli.interrupt import as_interrupt
+as_interrupt()
+exec(compile({code!r}, "/lib/paramiko/buffered_pipe.py", "exec"))
+try:
+    print(read())
+    time.sleep(20)
+except KeyboardInterrupt:
+    print("left")
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=15)
+    assert (done.returncode, done.stdout) == (0, out), done.stderr
+
+
 def test_a_signal_in_a_destructor_is_not_lost() -> None:
     """Python prints what is raised there, and goes on: Ctrl-C would have done nothing."""
     script = """
