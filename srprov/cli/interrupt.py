@@ -34,6 +34,8 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 _AGAIN_S = 0.01
 _MOST_AGAIN = 50
+_again: list[int] = []
+"""Signals that were put off for a lock since one was raised."""
 _LOCKS = f"{os.sep}paramiko{os.sep}"
 _WAKE = signal.SIGURG  # ignored by default, so it cannot end a child process that has not set its own handlers yet
 _WAKE_AFTER_S = (0.02, 0.1, 0.5)  # the first may come too early as well
@@ -63,21 +65,16 @@ def _wake_main_thread(woken: int) -> None:
 
 def _leave(number: int, frame: FrameType | None) -> None:
     """Raise KeyboardInterrupt, as soon as no import is under way in the main thread, and no lock half taken."""
-    if not (_importing(frame) or _locking(frame)):
+    if _locking(frame) and len(_again) < _MOST_AGAIN:
+        _again.append(number)
+    elif not _importing(frame):
         _again.clear()
         raise KeyboardInterrupt
     _thread.start_new_thread(_send_again, (number,))
 
 
-_again: list[int] = []
-"""Signals that were put off since one was raised."""
-
-
 def _locking(frame: FrameType | None) -> bool:
-    if frame is None or _LOCKS not in frame.f_code.co_filename or len(_again) >= _MOST_AGAIN:
-        return False
-    _again.append(1)
-    return True
+    return frame is not None and _LOCKS in frame.f_code.co_filename
 
 
 def _raise_again(lost: sys.UnraisableHookArgs) -> None:

@@ -16,6 +16,7 @@ import posixpath
 import re
 from collections.abc import Mapping
 
+from srprov.modules.container_commands import stop
 from srprov.sandbox import NO_SANDBOX, NOT_CLOSED, sandboxed_writing
 from srprov.session import Progress, Session
 from srprov.untrusted import mapping, mappings, string
@@ -53,20 +54,23 @@ def emptied(call: EngineCall, session: Session, progress: Progress) -> Reply | N
     kind, _, name = call.path.removeprefix("/").partition("/")
     if call.method != "DELETE" or kind not in _TOLD:
         return None
-    version, found = session.ask([EngineQuery(path="/version"), Query(command=f"{_TOLD[kind]} -- {quote(name)}")])
+    (version,) = session.ask([EngineQuery(path="/version")])
     if not version.ok:  # its engine is away, and is waited for as in any other command
         return version
-    if not is_led(string(mapping(version.json()).get("GoVersion"))) or _is_gone(found):
+    if not is_led(string(mapping(version.json()).get("GoVersion"))):
         return None
+    (found,) = session.ask([Query(command=f"{_TOLD[kind]} -- {quote(name)}")])
+    if _is_gone(found):
+        return None
+    body = mapping(found.json() if found.ok else None)
     try:
-        folders = _folders(kind, name, found, session)
+        folders = _folders(kind, name, body, session)
     except _NotToldError as error:
-        return Reply(status=found.status, ok=False, err=str(error))
-    if (
-        mapping(mapping(found.json()).get("State")).get("Running") is True
-        and not (stopped := _killed(name, session)).ok
-    ):
-        return stopped
+        return Reply(status=found.status, ok=False, err=f"{error} {found.err.strip()[:300]}".rstrip())
+    if mapping(body.get("State")).get("Running") is True:  # it would write on, and the engine would end it anyway
+        stopped = session.execute(stop(name, 0).stopping_within(0))
+        if not stopped.ok:
+            return stopped
     if not folders:
         return None
     reply = session.execute(Run(script="\n".join(map(_emptying, folders)), timeout_s=_LONGEST_S), progress)
@@ -94,21 +98,12 @@ def _emptying(folder: str) -> str:
     return f"[ ! -d {quote(folder)} ] || {{ {clear} && {renamed}; }} && {clear} || exit"
 
 
-def _killed(name: str, session: Session) -> Reply:
-    """End what still runs: it would write on, and the engine would end it anyway."""
-    accept = (204, 304, 404)
-    return session.execute(
-        EngineCall(method="POST", path=f"/containers/{name}/stop", params=(("t", "0"),), accept=accept)
-    )
-
-
 def _is_gone(found: Reply) -> bool:
     return not found.ok and _NONE_SUCH.search(found.err) is not None
 
 
-def _folders(kind: str, name: str, found: Reply, session: Session) -> list[str]:
+def _folders(kind: str, name: str, body: Mapping[str, object], session: Session) -> list[str]:
     """Return the folders that an engine goes through when it removes that."""
-    body, said = mapping(found.json() if found.ok else None), f"({found.err.strip()[:300]})" if not found.ok else ""
     if kind == "volumes":
         driver = body.get("Driver")
         known, folders = bool(driver), [string(body.get("Mountpoint"))] if driver == "local" else []
@@ -123,7 +118,7 @@ def _folders(kind: str, name: str, found: Reply, session: Session) -> list[str]:
         own = {string(body.get("Id"))}
         folders += [place for one, place in _anonymous(body).items() if _having(one, session).keys() <= own]
     if not known or not isinstance(driver, str) or not all(one.startswith("/") for one in folders):
-        raise _NotToldError(f"its engine does not say where its files lie {said}".rstrip())
+        raise _NotToldError("its engine does not say where its files lie")
     return folders
 
 

@@ -122,7 +122,7 @@ def about(inspected: object) -> About:
 
 def _place(destination: str) -> str:
     """Return where something is mounted: what an image names without a slash is below the root all the same."""
-    return absolute(destination if destination.startswith("/") else f"/{destination}") if destination else ""
+    return absolute(posixpath.join("/", destination)) if destination else ""
 
 
 def has_paths(one: About) -> bool:
