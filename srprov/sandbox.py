@@ -40,6 +40,8 @@ mount -c --bind . /tmp/folder && mount -o "remount,bind,$3,nodev,nosuid,noexec" 
 mount -o remount,ro,nosuid,nodev,noexec /tmp || exit {NO_SANDBOX}
 exec chroot /tmp sh -c "cd /folder; $2"
 """
+_ROOT = f'root=$(realpath -e -- "$root" 2>/dev/null) || exit {MISSING}; '
+_NAMES = "passwd group"
 _WHY_NOT = (
     'set -f; IFS=/; at=.; for part in $folder; do at="$at/$part"; '
     f'[ ! -L "$at" ] || exit {LED_OUT}; done; exit {MISSING}'
@@ -89,8 +91,12 @@ def sandboxed_writing(script: str) -> str:
 
     It knows the names of the robot's users and groups: access lists of an archive name them.
     """
-    real = f'root=$(realpath -e -- "$root" 2>/dev/null) || exit {MISSING}; '
-    return real + _closed(script, "rw", "passwd group")
+    return _ROOT + _closed(script, "rw", _NAMES)
+
+
+def sandboxed_reading(script: str) -> str:
+    """Return the same, where the inner script only reads."""
+    return _ROOT + _closed(script, "ro", _NAMES)
 
 
 def _closed(script: str, way: str, known: str) -> str:

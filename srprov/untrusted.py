@@ -60,13 +60,22 @@ def json_or_none(source: str) -> Any:  # noqa: ANN401 - JSON is any; each caller
     `ip -j` writes control characters of a link's name or alias as they are: one odd link must not hide all others.
     What is kept of it in a file can be read again: no number in it is larger than files may have, and it is less deep.
     """
-    if source.count("[") + source.count("{") > _MOST_CONTAINERS:
-        return None
-    decoder = _FILE_DECODER if _LONG_NUMBER.search(source) else _ROBOT_DECODER
     try:
-        return _parse(source, decoder, MAX_JSON_CHARACTERS, levels=_MOST_LEVELS_OF_ROBOTS)
+        return json_of_robot(source)
     except ValueError:
         return None
+
+
+def json_of_robot(source: str) -> Any:  # noqa: ANN401 - JSON is any
+    """Return what `json_or_none` returns, where None is JSON's `null`.
+
+    Raises:
+        ValueError: It is broken, or beyond the limits.
+    """
+    if source.count("[") + source.count("{") > _MOST_CONTAINERS:
+        raise ValueError(f"it holds more than {_MOST_CONTAINERS} lists and maps")
+    decoder = _FILE_DECODER if _LONG_NUMBER.search(source) else _ROBOT_DECODER
+    return _parse(source, decoder, MAX_JSON_CHARACTERS, levels=_MOST_LEVELS_OF_ROBOTS)
 
 
 def is_of_one(source: str) -> bool:

@@ -75,6 +75,8 @@ class Engine:
     behaviours: dict[str, Behaviour] = field(default_factory=dict)
     unpullable: set[str] = field(default_factory=set)
     down: bool = False
+    unreadable: set[str] = field(default_factory=set)
+    """Paths of answers that are longer than is read."""
 
     # -- reading -------------------------------------------------------------------------------------------------------
 
@@ -82,6 +84,9 @@ class Engine:
         """Answer a GET."""
         if self.down:
             return Reply(status=0, ok=False, err="the Docker Engine did not answer within 20 s")
+        if query.path in self.unreadable:
+            said = f"the Docker Engine's answer to {query.path} cannot be read: too long"
+            return Reply(status=200, ok=False, err=said)
         path, filters = query.path, json.loads(dict(query.params).get("filters", "{}"))
         wanted = filters.get("label", [])
         if path == "/_ping":

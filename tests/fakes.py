@@ -35,6 +35,7 @@ from tests.fake_kernel import Disk, Kernel, shell_reply
 
 __all__ = ["Behaviour", "Entry", "FakeRobot", "Fault", "World"]
 
+_WHERE = re.compile(r"newline='\n'\nnumber=-1\nfor s in (.*); do")
 _THERE = re.compile(r"\[ -e (\S+) \] \|\| echo ([0-9]+)")
 _LEADS = re.compile(r"(?m)^r=\$\((?:readlink -f|leads_to) \S+\) && printf \"%s %s\\n\" ([0-9]+)")
 _AS_PLANNED = re.compile(r"(?m)^as_planned (\S+) (\S+)\n")
@@ -313,8 +314,10 @@ class FakeRobot:
             return Reply(status=0, out=self.used)
         if command == "cat /proc/self/mountinfo":
             return Reply(status=0, out=self.mounts)
-        if command.startswith(("first=", "newline='")):  # tests/unit/controller/test_writers.py has the second run
+        if command.startswith("first="):
             return Reply(status=0, out="")
+        if match := _WHERE.match(command):  # tests/unit/controller/test_writers.py has it run
+            return Reply(status=0, out="".join(f"{n} {path}\n" for n, path in enumerate(shlex.split(match[1]))))
         if command.startswith("timeout -k 2 10 sh -c "):
             words = shlex.split(command)
             return Reply(status=0, out=f"{self.disk.command(words[4 : words.index('</dev/null')])}\n")

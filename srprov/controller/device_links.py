@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 from srprov.definitions.model import Service
 from srprov.modules.mount_kind import plain
 from srprov.planning.graver import A_DISK, HARMLESS, of_device
-from srprov.untrusted import folder, lines_of
+from srprov.untrusted import absolute, lines_of, text
 from srprov.wire import Query, quote
 
 _MOST_LINES = 100_000
@@ -32,7 +32,7 @@ def where_they_lead(services: Iterable[Service]) -> Query:
 
 def led_to(said: str) -> dict[str, str]:
     """Return number, as it was asked by -> where that leads, by what a robot says; an answer that is no path is ""."""
-    return {number: folder(path) for number, _, path in (line.partition(" ") for line in lines_of(said, _MOST_LINES))}
+    return {number: absolute(path) for number, _, path in (line.partition(" ") for line in lines_of(said, _MOST_LINES))}
 
 
 def graver_devices(services: Iterable[Service], said: str) -> Iterator[str]:
@@ -48,7 +48,7 @@ def graver_devices(services: Iterable[Service], said: str) -> Iterator[str]:
         disk = f"is, or holds, {A_DISK}"
         note = f"it {disk}" if f"b{number}" in led else note or (HARMLESS if told and real != path else "")
         if note:
-            what = disk if real == path else f"leads to {real} ({note})"
+            what = disk if real == path else f"leads to {text(real)} ({note})"
             yield f"the device {path}, which {' and '.join(names)} has, {what}"
 
 

@@ -6,7 +6,7 @@ users, the file that the robot's memory is swapped to, or what a unit starts as 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 
 from srprov.controller.robot_mounts import Mounts
 from srprov.modules.mount_kind import GRAVE, gives_away, mount_kind
@@ -17,6 +17,8 @@ from srprov.wire import Query
 _FOUND = r"""for f in @/srv/salt @/srv/pillar @/srv/formulas @/srv/reactor @/srv/spm @/srv/tftp @/srv/tftpboot; do
   [ ! -e "$f" ] || readlink -f "$f"
 done
+# the rest is not gone through, and that is told
+most() { sed '1001{s/.*/?/;q;}'; }
 homes() {
   while IFS=: read -r _ _ _ _ _ home shell; do
     case $shell in */nologin | */false) ;; *) [ ! -d "@/$home" ] || printf '%s\n' "@/$home" ;; esac
@@ -29,7 +31,7 @@ lines() {
 }
 words() { grep -oE "(^|[^A-Za-z0-9._])/(srv|mnt|media|data)(/[A-Za-z0-9._@+-]+)$1" | sed 's#^[^/]*##; s#^//*#/#'; }
 { find @/etc @/opt @/usr/local @/var/lib @/var/opt @/var/spool @/root -xdev -maxdepth 3 -type l -exec stat -c %N {} + |
-  sed -n -E "s#.* -> '((\.\./)+|/+)((srv|mnt|media|data)(/[^']*)?)'\$#/\3#p" | head -n 1000
+  sed -n -E "s#.* -> '((\.\./)+|/+)((srv|mnt|media|data)(/[^']*)?)'\$#/\3#p" | most
 { lines @/etc -xdev ! -name 'fstab*' ! -name 'auto.*' ! -name exports ! -name updatedb.conf ! -name 'passwd*' |
     words +
   { lines @/usr/local/bin @/usr/local/sbin @/usr/local/etc @/var/spool/cron -xdev
@@ -39,7 +41,7 @@ words() { grep -oE "(^|[^A-Za-z0-9._])/(srv|mnt|media|data)(/[A-Za-z0-9._@+-]+)$
       lines "$home/.ssh" "$home/.config/systemd" "$home/.config/fish" "$home/bin" "$home/.local/bin" -xdev
     done
   } | words '*'
-} | sort -u | head -n 1000 | while IFS= read -r p; do
+} | sort -u | most | while IFS= read -r p; do
   printf '%s\n' "$p"
   [ ! -e "$p" ] || readlink -f "$p"
   # what lies beside a program is often a part of it
@@ -65,8 +67,8 @@ USED = Query(
     + r"""while IFS=: read -r _ _ _ _ _ home shell; do
   case $shell in */nologin | */false) ;; *) [ ! -d "$home" ] || readlink -f "$home" ;; esac
 done </etc/passwd
-sed -n -E 's#^([^ ]+ +){7}(/.*)$#\2#p' /proc/net/unix 2>/dev/null | sort -u | head -n 1000 | while IFS= read -r p; do
-  readlink -f "$p"
+sed -n -E 's#^([^ ]+ +){7}(/.*)$#\2#p' /proc/net/unix 2>/dev/null | sort -u | most | while IFS= read -r p; do
+  [ "$p" = "?" ] && echo "?" || readlink -f "$p"
 done
 { tail -n +2 /proc/swaps | cut -d ' ' -f 1; cat /sys/block/loop*/loop/backing_file; } 2>/dev/null
 :"""
@@ -74,17 +76,20 @@ done
 """Ask for that, the homes of those who may log in, sockets, and files that the robot swaps to, or has a file system in.
 
 A socket answers also where nothing can be written."""
+MORE = "?"
+"""Stands for places of which there are too many to be gone through."""
 _MOST_LINES = 10_000
 _MOST_NAMED = 4
 
 
 def used(said: str) -> list[str]:
-    """Read the reply to `USED`; a home that is `/` is nobody's."""
-    found = {folder(line.rstrip()).rstrip("/") for line in lines_of(said, _MOST_LINES)}
-    return sorted(found - {""})
+    """Read the reply to `USED`; a home that is `/` is nobody's. `MORE` is in it where that is not all."""
+    lines = [line.rstrip() for line in lines_of(said, _MOST_LINES + 1)]
+    found = {MORE if line == MORE else folder(line).rstrip("/") for line in lines[:_MOST_LINES]}
+    return sorted(found - {""} | ({MORE} if len(lines) > _MOST_LINES else set()))
 
 
-def other_names(paths: Iterable[tuple[str, str, bool]], mounts: Mounts, others: Iterable[str]) -> Iterator[str]:
+def other_names(paths: Iterable[tuple[str, str, bool]], mounts: Mounts, others: Collection[str]) -> Iterator[str]:
     """Yield a sentence for each path that is, holds or lies in what gives away more than its name says.
 
     Args:
@@ -92,7 +97,9 @@ def other_names(paths: Iterable[tuple[str, str, bool]], mounts: Mounts, others: 
         mounts: What is mounted on the robot.
         others: What the robot uses, whatever its name.
     """
-    known = list(others)
+    known = [one for one in others if one != MORE]
+    if MORE in others:
+        yield "root's programs name more places of data than are looked at: whether these are among them is not known"
     for path, real, read_only in paths:
         if _gives_more(real, read_only=read_only):
             continue  # that was said

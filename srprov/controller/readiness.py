@@ -22,6 +22,7 @@ from srprov.controller.robots_notes import (
     leads_of,
     led_elsewhere,
     missing_folders,
+    of_those_that_told,
     told,
 )
 from srprov.definitions.model import Experiment, Service
@@ -95,7 +96,8 @@ def check_ready(
         UsageError: A folder is not there, or leads to what is graver to mount, or a port is somebody else's; names all.
     """
     new = _new_services(steps, anew, placed.experiment)
-    replies = look.ask_each({robot: (*asked_of(services), *QUERIES) for robot, services in new.items()})
+    answers = look.ask_each({robot: (*asked_of(services), *QUERIES) for robot, services in new.items()})
+    replies = of_those_that_told(answers)
     now = replace(snapshot, taken={robot: taken_ports(said[ASKED:]) for robot, said in replies.items()})
     held = holders({}, {}, of_others(now, instance, placed.experiment, placed.previous))
     missing = [line for robot, said in replies.items() for line in missing_folders(robot, new[robot], said[0])]

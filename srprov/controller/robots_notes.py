@@ -15,7 +15,7 @@ from srprov.facts.gather import Gathering
 from srprov.facts.model import HostFacts, Snapshot
 from srprov.modules import MODULES, RUNNING
 from srprov.modules.mount_kind import GRAVE, gives_away, mount_kind, plain, written_by
-from srprov.modules.mount_place import LEADS_TO
+from srprov.modules.mount_place import LEADS_TO, NOT_TOLD
 from srprov.planning.plan import Step
 from srprov.resource import Action
 from srprov.robot_answers import TooManyError
@@ -49,13 +49,21 @@ def notes_of_robots(
             service = MODULES[step.module].service_of(step.name, step.want.params)
             if service and (any(binds(service)) or service.runtime.devices):
                 new.setdefault(step.host, []).append(service)
-    replies = look.ask_each({robot: asked_of(services) for robot, services in new.items()})
+    replies = of_those_that_told(look.ask_each({robot: asked_of(services) for robot, services in new.items()}))
     return tuple(told(new, replies, snapshot, instance)), leads_of(new, replies)
 
 
+def of_those_that_told(replies: Mapping[str, Sequence[Reply]]) -> dict[str, Sequence[Reply]]:
+    """Return the replies to `asked_of` of robots that answered all of it; the engine's answer is looked at later."""
+    return {robot: said for robot, said in replies.items() if all(one.ok for one in said[: ASKED - 1])}
+
+
 def leads_of(new: Mapping[str, Sequence[Service]], replies: Mapping[str, Sequence[Reply]]) -> Leads:
-    """Return where the folders of new services lead, by the replies to `asked_of`."""
-    return {robot: _leads(new[robot], said[0]) for robot, said in replies.items()}
+    """Return where the folders of new services lead, by the replies to `asked_of`; of who did not tell: nowhere."""
+    return {
+        robot: _leads(some, replies[robot][0]) if robot in replies else dict.fromkeys(_all_sources(some), NOT_TOLD)
+        for robot, some in new.items()
+    }
 
 
 def asked_of(services: Sequence[Service]) -> tuple[AnyQuery, ...]:
@@ -66,7 +74,12 @@ def asked_of(services: Sequence[Service]) -> tuple[AnyQuery, ...]:
 def told(
     new: Mapping[str, Sequence[Service]], replies: Mapping[str, Sequence[Reply]], snapshot: Snapshot, instance: str
 ) -> Iterator[str]:
-    """Yield a line for each folder or device that is more than its name, by the replies to `asked_of`."""
+    """Yield a line for each folder or device that is more than its name, by the replies to `asked_of`.
+
+    And for each robot that did not tell: what nobody can show is not made there, as all of its folders lead nowhere.
+    """
+    for robot in sorted(new.keys() - replies.keys()):
+        yield f"{robot}: it does not say what the folders and devices of its new containers are"
     for robot, said in replies.items():
         yield from (line for line, _ in led_elsewhere(robot, new[robot], said[0]))
     for robot, said in replies.items():
@@ -95,7 +108,7 @@ def led_elsewhere(robot: str, services: Sequence[Service], reply: Reply) -> Iter
             kind, why = mount_kind(real, read_only=source not in written)
             note = f" ({why})" if why and kind != GRAVE else ""
             is_grave = kind == GRAVE != mount_kind(source)[0]
-            yield f"{robot}: {source}, which {users[source]} mounts, leads to {real}{note}", is_grave
+            yield f"{robot}: {source}, which {users[source]} mounts, leads to {text(real)}{note}", is_grave
 
 
 def _otherwise(services: Sequence[Service], said: Sequence[Reply]) -> Iterator[str]:

@@ -8,11 +8,13 @@ from collections.abc import Mapping
 from srprov.codes import Code
 from srprov.controller.ownership import shown_maker
 from srprov.controller.trial_plan import TrialPlan
-from srprov.errors import RefusedError
+from srprov.errors import RefusedError, TransportError
 from srprov.execution.others import refuse_made_since
 from srprov.execution.trial_at_once import at_once
 from srprov.modules.container import ContainerModule
+from srprov.resource import Observed
 from srprov.session import Session
+from srprov.untrusted import text
 
 
 def refuse_others(plan: TrialPlan, sessions: Mapping[str, Session]) -> None:
@@ -25,9 +27,9 @@ def refuse_others(plan: TrialPlan, sessions: Mapping[str, Session]) -> None:
     assert plan.base.snapshot is not None
     observed = plan.base.snapshot.observed
     shown = {(host, one.name): one.state.get("source") for host, items in observed.items() for one in items}
-    module, names = ContainerModule(), {(one.host, one.name) for one in plan.services}
+    names = {(one.host, one.name) for one in plan.services}
     hosts = sorted({host for host, _ in names})
-    found = at_once(hosts, lambda host: module.parse(sessions[host].ask(module.queries())), threading.Event())
+    found = at_once(hosts, lambda host: _there(sessions[host]), threading.Event())
     for host, items in sorted(found.items()):
         for one in items:
             maker = one.state["source"]
@@ -40,3 +42,13 @@ def refuse_others(plan: TrialPlan, sessions: Mapping[str, Session]) -> None:
                 )
     # a container of another name would still be inside of what is somebody else's by now
     refuse_made_since(plan.base.plan.instance, plan.base.makers or {plan.base.plan.source}, sessions, hosts)
+
+
+def _there(session: Session) -> tuple[Observed, ...]:
+    """Return the containers on a robot; a list that cannot be read is no empty one."""
+    module = ContainerModule()
+    replies = session.ask(module.queries())
+    if not replies[0].ok:
+        why = text(replies[0].err) or f"status {replies[0].status}"
+        raise TransportError(session.host, f"its containers cannot be listed: {why}", code=Code.ENGINE)
+    return module.parse(replies)

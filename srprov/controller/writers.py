@@ -104,6 +104,9 @@ def check_writers(steps: Sequence[Step], placed: Collection[tuple[str, Service]]
     # thousands of paths may take a robot longer than it has
     wrong = [f"{robot}: it does not say what its paths are" for robot in sorted(sources.keys() - replies.keys())]
     for robot, (reply, mounted) in replies.items():
+        if not (reply.ok and mounted.ok):
+            wrong.append(f"{robot}: it does not say what its paths are: {text((reply.err or mounted.err).strip())}")
+            continue
         try:
             some = list(_below(mounts[robot], _places(sources[robot], reply.out), Mounts(mounted.out)))
         except TooManyError as error:
@@ -123,16 +126,25 @@ def _question(sources: Iterable[str]) -> Query:
 
 
 def _places(sources: Sequence[str], said: str) -> dict[str, _Place]:
-    """Read what a robot says, which is its own word for its own paths."""
+    """Read what a robot says, which is its own word for its own paths.
+
+    Raises:
+        TooManyError: It says more than is read, or leaves one out: of that nothing is known.
+    """
+    lines = lines_of(said, _MOST_LINES + 1)
+    if len(lines) > _MOST_LINES:
+        raise TooManyError(f"its paths lead through more than {_MOST_LINES} folders")
     found: dict[str, tuple[str, list[tuple[str, str]]]] = {}
     folders: list[tuple[str, str]] = []
-    for line in lines_of(said, _MOST_LINES):
+    for line in lines:
         word, _, name = line.partition(" ")
         if word.isdecimal() and int(word[:9]) < len(sources):
             folders = []
             found[sources[int(word[:9])]] = text(name, length=4096), folders
         elif name:
             folders.append((word[:60], text(name, length=4096)))
+    if unknown := sorted({*sources} - found.keys()):
+        raise TooManyError(f"it does not say what its path {unknown[0]} is")
     places = {}
     for source, (real, some) in found.items():
         there = bool(some) and some[-1][1] == real
@@ -144,7 +156,7 @@ def _places(sources: Sequence[str], said: str) -> dict[str, _Place]:
 def _below(
     mounts: Iterable[tuple[str, Mount]], places: dict[str, _Place], mounted: Mounts
 ) -> Iterator[str]:  # fmt: skip
-    some = [(name, one) for name, one in mounts if one.source in places]
+    some = list(mounts)
     written = {one.source for _, one in some if not one.read_only}
     made = {places[source].own for source in written} - {""}
     named, is_below = below(written), below(places[source].real for source in written)

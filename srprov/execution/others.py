@@ -56,7 +56,7 @@ def refuse_made_since(
         robots: Those that are asked, all at once. What one says that is lost meanwhile is not known.
 
     Raises:
-        RefusedError: Names the robot, and who made it.
+        RefusedError: Names the robot, and who made it; or the robot does not tell.
     """
     queries = (*observe_queries(_KINDS), _record(instance))
     hosts = sorted(sessions.keys() & {*robots})
@@ -78,9 +78,13 @@ def _told(instance: str, host: str, session: Session, queries: Sequence[AnyQuery
     try:
         replies = session.ask(queries)
         with answers_of(host):
-            return frozenset(_makers(instance, replies))
+            makers = frozenset(_makers(instance, replies))
     except TransportError:  # its steps say so
         return frozenset()
+    if odd := next((one for one in replies if not one.ok and one.status), None):  # where no engine is, nothing runs
+        why = visible(odd.err[:_LONGEST]) or f"status {odd.status}"
+        raise RefusedError(f"{host} does not say who made what is there: {why}; nothing was done", code=Code.ENGINE)
+    return makers
 
 
 def _makers(instance: str, replies: Sequence[Reply]) -> Iterator[str]:

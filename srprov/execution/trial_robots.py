@@ -205,7 +205,8 @@ class TrialRobots:
             try:
                 return work(session)
             except TransportError:
-                (reply,) = session.ask([EngineQuery(path="/_ping")])  # an engine that is away is no lost connection
+                # an engine that is away is no lost connection
+                (reply,) = session.ask([EngineQuery(path="/_ping", headers=True)])
                 if not reply.ok:
                     check_engine(reply)
                 raise

@@ -20,6 +20,9 @@ from srprov.wire import Command, EngineCall, Run, quote
 LED = "srprov.led"
 """Label of a container: where the robot's paths led that it mounts, as JSON."""
 
+NOT_TOLD = ""
+"""Where a path led, if its robot did not say so: no container is made with it."""
+
 LEADS_TO = r"""# where a path leads; of one that is not there what is there of it counts, as the rest may be made
 leads_to() {
   p=$1 r=
@@ -31,7 +34,7 @@ leads_to() {
 """
 AS_PLANNED = r"""as_planned() {
   r=$(leads_to "$1") && [ "$r" = "$2" ] && return 0
-  echo "$1 leads to ${r:-what cannot be told}, and to $2 when it was planned: plan again" >&2
+  echo "$1 leads to ${r:-what cannot be told}, and to ${2:-what was not told} when it was planned: plan again" >&2
   exit 1
 }
 """

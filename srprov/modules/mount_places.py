@@ -16,8 +16,17 @@ from typing import Any
 
 from srprov.wire import quote
 
-_LOOK = """no_link() {
-  place=$(docker volume inspect --format '{{.Mountpoint}}' "$1" 2>/dev/null) && [ -d "$place" ] || return 0
+_LOOK = """not_told() {
+  echo "$1 cannot be told, and it may lead elsewhere what is mounted in it: ${2:-docker does not say why}" >&2
+  exit 1
+}
+no_link() {
+  if ! place=$(docker volume inspect --format '{{.Mountpoint}}' "$1" 2>/dev/null); then
+    why=$(docker volume inspect --format . "$1" 2>&1 >/dev/null) || :
+    case $why in *[Nn]"o such volume"*) return 0 ;; esac
+    not_told "what lies in the volume $1" "$why"
+  fi
+  [ -d "$place" ] || not_told "what lies in the volume $1" "$place is no folder"
   volume=$1 && shift
   for part; do
     [ ! -L "$place/$part" ] && continue
@@ -29,7 +38,9 @@ _LOOK = """no_link() {
 no_other_writes() {
   # of a volume in each container that runs
   writes='{{range .Mounts}}{{if .RW}}{{if eq .Name "'$2'"}}{{$.Name}} {{end}}{{end}}{{end}}'
-  for other in $(docker ps -q --filter "volume=$2" | xargs -r docker inspect --format "$writes" 2>/dev/null); do
+  who=$(docker ps -q --filter "volume=$2") && others= &&
+    { [ -z "$who" ] || others=$(docker inspect --format "$writes" $who); } || not_told "who writes to the volume $2" ""
+  for other in $others; do
     [ "$other" != "/$1" ] || continue
     echo "${other#/} may write to the volume $2, and would choose where what is mounted in it goes: apply again," \
       "when that container is gone or made anew" >&2

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from srprov.errors import TransportError
 from srprov.pace import Pace
-from srprov.sandbox import NO_SANDBOX, NOT_CLOSED, sandboxed_writing
+from srprov.sandbox import NO_SANDBOX, NOT_CLOSED, sandboxed_reading, sandboxed_writing
 from srprov.session import Progress, Streams
 from srprov.untrusted import integer, lines_of
 from srprov.wire import CopyVolume, Reply, Run, quote
@@ -56,12 +56,12 @@ def copy_volume(copy: CopyVolume, session: BaseSession, peers: Peers | None, pro
         return _failed(f"no way to {copy.source_host} from here")
     try:
         source = peers(copy.source_host)
-        before = _hash(source.execute(_hash_of(copy.volume, copy.timeout_s)))
-        if not _HASH.fullmatch(before):
-            return _failed(f"{copy.source_host}: its data cannot be read: {before}")
         most, problem = _most(copy, source.execute(_size_of(copy.volume)), session.execute(_room_of(copy.into)))
         if problem:
             return _failed(problem)
+        before = _hash(source.execute(_hash_of(copy.volume, copy.timeout_s)))
+        if not _HASH.fullmatch(before):
+            return _failed(f"{copy.source_host}: its data cannot be read: {before}")
         if problem := _stream(
             copy, source.open_shell(_out(copy.volume)), session.open_shell(_into(copy.into)), progress, most, session
         ):
@@ -85,15 +85,20 @@ def _place(volume: str) -> str:
     return f"place=$(docker volume inspect --format '{{{{.Mountpoint}}}}' {quote(volume)}) && "
 
 
+def _read(script: str) -> str:
+    """Return what reads in a volume's place where there is nothing else of the robot, whatever containers put there."""
+    told = f"{{ s=$?; [ $s != {NO_SANDBOX} ] || echo {quote(NOT_CLOSED)} >&2; ( exit $s ); }}"
+    return f"{{ root=$place && ( {sandboxed_reading(script)} ) || {told}; }}"
+
+
 def _hash_of(volume: str, timeout_s: float) -> Run:
-    tar = f'tar --create {_KEEP} {_FIXED} --directory="$place" .'
-    script = f"{_place(volume)}{{ {tar} || head -c 32 /dev/urandom; }} | sha256sum"
-    return Run(script=script, timeout_s=timeout_s)
+    tar = _read(f"exec tar --create {_KEEP} {_FIXED} .")
+    return Run(script=f"{_place(volume)}{{ {tar} || head -c 32 /dev/urandom; }} | sha256sum", timeout_s=timeout_s)
 
 
 def _size_of(volume: str) -> Run:
     """Return what says kilobytes on the disk, kilobytes of the files' lengths, and how many names there are."""
-    du = 'du -s -k "$place" && du -s -k --apparent-size "$place" && find "$place" | wc -l'
+    du = _read("du -s -k . && du -s -k --apparent-size . && find . | wc -l")
     return Run(script=f"{_place(volume)}{du}", timeout_s=_DU_S)
 
 
@@ -129,7 +134,7 @@ def _hash(reply: Reply) -> str:
 
 
 def _out(volume: str) -> str:
-    return f'{_place(volume)}exec tar --create --sparse {_KEEP} --directory="$place" .'
+    return _place(volume) + _read(f"exec tar --create --sparse {_KEEP} .")
 
 
 def _into(volume: str) -> str:

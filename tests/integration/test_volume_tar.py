@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import io
 import os
+import stat
 import subprocess
 import tarfile
 from pathlib import Path
 
 import pytest
 
-from srprov.transport.volume_copy import _hash_of, _into, _most, _out, _room_of, _size_of
+from srprov.transport.volume_copy import _hash_of, _into, _most, _out, _place, _read, _room_of, _size_of
 from srprov.wire import CopyVolume, Reply
 
 
@@ -162,3 +163,20 @@ def test_robots_say_how_large_data_is_and_how_much_room_there_is(places: Places)
 
 def _reply(done: subprocess.CompletedProcess[bytes]) -> Reply:
     return Reply(status=done.returncode, out=done.stdout.decode(), err=done.stderr.decode(), ok=done.returncode == 0)
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="who is not root makes no devices")
+def test_what_reads_a_volume_opens_no_device_and_follows_nothing_out(places: Places, tmp_path: Path) -> None:
+    """What a container puts there while it is read: root would open a disk's number, or a file of the robot."""
+    source = places.volume("source")
+    (source / "file").write_text("text")
+    look = "cat ./disk; cat ./out; ls /etc/shadow; id -un >/dev/null; : >./new"
+    os.mknod(source / "disk", 0o600 | stat.S_IFCHR, os.makedev(1, 5))
+    (source / "out").symlink_to("/etc/shadow")
+    done = places.run(_place("source") + _read(look))
+    assert done.returncode != 0 and not done.stdout and done.stderr.count(b"\n") == 4, done
+    assert not (source / "new").exists()
+    (source / "disk").unlink()
+    for script in (_out("source"), _size_of("source").script, _hash_of("source", 60).script):
+        refused = places.run(f"unshare() {{ return 1; }}; {script}")
+        assert b"its folder cannot be closed off" in refused.stderr, refused

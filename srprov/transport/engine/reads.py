@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from srprov.transport.deadline import BATCH_S, Deadline
 from srprov.transport.engine.answers import message_of, quoted
 from srprov.transport.engine.link import EngineGone, EngineLate, EngineLink, EngineSocket
-from srprov.untrusted import MAX_JSON_CHARACTERS
+from srprov.untrusted import MAX_JSON_CHARACTERS, json_of_robot
 from srprov.wire import EngineQuery, Reply
 
 _DIAL_S = 20.0
@@ -134,8 +134,15 @@ def _reply(query: EngineQuery, answer: http.client.HTTPResponse, longest: int) -
     text = body.decode("utf-8", "replace")
     if query.headers:
         text = json.dumps({name.lower(): value for name, value in answer.headers.items()})
-    ok = 200 <= answer.status < 300
-    return Reply(status=answer.status, out=text, err="" if ok else message_of(text), ok=ok)
+    if not 200 <= answer.status < 300:
+        return Reply(status=answer.status, out=text, err=message_of(text), ok=False)
+    try:
+        json_of_robot(text)
+    except ValueError as error:
+        # a list that is too long to be read must not pass for an empty one: what is in it would be taken for gone
+        said = f"the Docker Engine's answer to {query.path} cannot be read: {error}"
+        return Reply(status=answer.status, out=text, err=said, ok=False)
+    return Reply(status=answer.status, out=text)
 
 
 def _in_words(error: BaseException) -> BaseException:

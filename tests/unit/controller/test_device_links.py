@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from srprov.controller.device_links import graver_devices, where_they_lead
+from srprov.controller.device_links import graver_devices, led_to, where_they_lead
 from srprov.controller.owners import read_owner
 from srprov.controller.request import PlanRequest
 from srprov.controller.saved import check_plan, kept_plan
@@ -110,3 +110,9 @@ def test_a_plan_file_of_elsewhere_is_shown_with_it_whatever_its_notes_are(
     for notes in ((), saved.plan.notes):
         other = replace(saved, plan=replace(saved.plan, notes=notes), proof="")
         assert check_plan(other, fleet(world), adopt=True).plan.notes.count(note) == 1
+
+
+def test_a_long_way_is_not_cut_before_it_is_looked_at() -> None:
+    """Cut off in the middle, it was another path than the one that the robot checks when the container is made."""
+    deep = "/srv/data/" + "x" * 300
+    assert led_to(f"0 {deep}\n1 relative\n") == {"0": deep, "1": "", "": ""}

@@ -6,6 +6,7 @@ made: by then it may have put a link there.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace as replaced
 from pathlib import Path
 from unittest import mock
@@ -15,6 +16,7 @@ from msgspec.structs import replace
 
 from srprov.controller.owners import keep, read_owner
 from srprov.controller.request import PlanRequest
+from srprov.controller.robot_mounts import MOUNTS
 from srprov.controller.saved import check_plan, kept_plan
 from srprov.controller.trial_plan import containers, in_words, trial_plan
 from srprov.definitions.containermodel import Mount
@@ -22,11 +24,12 @@ from srprov.definitions.model import Definitions
 from srprov.definitions.trialsmodel import TrialDefinitions
 from srprov.errors import StalePlan
 from srprov.execution.outcome import Outcome
+from srprov.facts.gather import Gathering
 from srprov.planning.planfile import dump
 from srprov.planning.planhash import plan_hash
 from srprov.planning.planread import load
 from srprov.trials import design
-from srprov.wire import Run
+from srprov.wire import AnyQuery, Reply, Run
 from tests.fakes import World
 from tests.worlds import apply, experiment, fleet, inventory, made, plan, plan_for, run, service
 
@@ -114,3 +117,30 @@ def test_the_hash_of_a_plan_tells_where_links_lead() -> None:
     assert plan_hash(plan_for(world, WHAT)) != plan_hash(before)
     world.robots["r1"].leads = MAPS.source
     assert plan_hash(plan_for(world, WHAT)) == plan_hash(before)
+
+
+def test_what_a_robot_does_not_tell_is_noted_and_nothing_is_made_with_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its connection was lost while it was asked, or it took longer than it has."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    world = World().add("r1")
+    owner = replaced(read_owner("hello", WHAT.file), source=f"lab@desk:{WHAT.file}")
+    with mock.patch.object(plan, "source_of", return_value=owner.source):
+        planned = made(world, Definitions(experiment=WHAT, containers={}), PlanRequest(exact=True, owner=owner))
+    keep(owner)
+    saved = load(dump(kept_plan(replace(planned, definitions=None))), "plan.json")
+
+    def lost(self: Gathering, questions: Mapping[str, Sequence[AnyQuery]]) -> dict[str, Sequence[Reply]]:
+        return {} if MOUNTS in questions.get("r1", ()) else asked(self, questions)
+
+    asked = Gathering.ask_each
+    with mock.patch.object(Gathering, "ask_each", lost):
+        shown = plan_for(world, WHAT)
+        with pytest.raises(StalePlan, match="r1: it does not say what the folders and devices of its new containers"):
+            check_plan(saved, fleet(world))
+    assert "r1: it does not say what the folders and devices of its new containers are" in shown.notes
+    (one,) = [one for one in run(world, shown).results if one.step.module == "container" and one.step.want]
+    assert one.outcome is Outcome.FAILED
+    assert f"{MAPS.source} leads to {MAPS.source}" in one.message
+    assert not world.robots["r1"].engine.containers

@@ -157,3 +157,19 @@ def test_what_has_no_end_is_told_in_time() -> None:
     endless = ROOT + "".join(f"{30 + n} 20 8:1 /srv/m /m{n} rw - ext4 x rw\n" for n in range(90_000))
     (line,) = bounded(lambda: said(endless + "9 20 8:1 / /mnt/z rw - ext4 x rw\n", "/srv/m"), 20.0)
     assert line.endswith(f" and more: {WRITTEN}")
+
+
+def test_places_that_are_too_many_are_not_left_out_in_silence(tmp_path: Path) -> None:
+    """A robot whose settings name a thousand others before this one: the plan said nothing of it."""
+    (tmp_path / "etc").mkdir()
+    (tmp_path / "etc" / "long").write_text("".join(f"run /data/a{n}\n" for n in range(1000)) + "run /data/zz\n")
+    done = subprocess.run(["sh", "-c", places_of_root(str(tmp_path))], capture_output=True, text=True, check=True)
+    known = used(done.stdout)
+    assert "/data/zz" not in known
+    assert said(ROOT, "/data/zz", *known) == [
+        "root's programs name more places of data than are looked at: whether these are among them is not known"
+    ]
+    (tmp_path / "etc" / "long").write_text("run /data/zz\n")
+    done = subprocess.run(["sh", "-c", places_of_root(str(tmp_path))], capture_output=True, text=True, check=True)
+    assert said(ROOT, "/data/zz", *used(done.stdout)) == [f"/data/zz is, holds or lies in /data/zz: {WRITTEN}"]
+    assert "?" in used("/a\n" * 10_001) and "?" not in used("/a\n" * 9_999)

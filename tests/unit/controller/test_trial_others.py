@@ -11,7 +11,7 @@ from srprov.controller.trial_others import refuse_others
 from srprov.controller.trial_plan import TrialPlan, trial_plan
 from srprov.definitions.model import Definitions, Experiment
 from srprov.definitions.trialsmodel import TrialDefinitions
-from srprov.errors import RefusedError
+from srprov.errors import RefusedError, TransportError
 from tests.fakes import World
 from tests.worlds import AS_IT_IS, apply, experiment, inventory, made, plan, service
 
@@ -48,4 +48,12 @@ def test_no_trial_is_made_inside_of_what_somebody_else_made_since() -> None:
     strange = shown(world, "x@y:/z.edf", experiment(service("evil", robot="r2"), trials=TrialDefinitions()))
     assert apply(world, experiment(service("racer", robot="r1"), trials=TrialDefinitions())).exit_code == 0
     with pytest.raises(RefusedError, match=r"r2 changed since .* made from lab@desk:.*; nothing was done"):
+        refuse_others(strange, world.sessions())
+
+
+def test_a_robot_that_does_not_say_what_runs_there_gets_no_trial() -> None:
+    world = World().add("r1", "r2")
+    strange = shown(world, "x@y:/z.edf")
+    world.robots["r2"].engine.unreadable.add("/containers/json")
+    with pytest.raises(TransportError, match=r"its containers cannot be listed: .* cannot be read"):
         refuse_others(strange, world.sessions())

@@ -314,3 +314,23 @@ def test_many_paths_are_not_looked_up_in_layers_without_end() -> None:
 
     with within(10), pytest.raises(UsageError, match="r1: more is mounted there than can be looked through"):
         checked_by(Told(("sh",)), *((Path(f"/srv/{at}"), at % 2 == 1) for at in range(200)))
+
+
+@pytest.mark.parametrize(
+    ("of_paths", "of_mounts", "why"),
+    [
+        (Reply(status=124, ok=False, err="timed out"), Reply(status=0, out="m"), "its paths are: timed out"),
+        (Reply(status=0, out="0 /a\n1 /b\n"), Reply(status=1, ok=False, err="no proc"), "its paths are: no proc"),
+        (Reply(status=0, out="0 /a\n8:1 /\n"), Reply(status=0), "its path /b is"),
+        (Reply(status=0, out="0 /a\n" + "8:1 /x\n" * 100_000 + "1 /b\n"), Reply(status=0), "100000 folders"),
+    ],
+)
+def test_what_a_robot_does_not_say_of_its_paths_is_refused(of_paths: Reply, of_mounts: Reply, why: str) -> None:
+    """Deep paths made its answer longer than is read, and the rest of them passed."""
+
+    class Silent(Here):
+        def ask_each(self, questions: Mapping[str, Sequence[Query]]) -> dict[str, Sequence[Reply]]:
+            return dict.fromkeys(questions, (of_paths, of_mounts))
+
+    with pytest.raises(UsageError, match=why):
+        checked_by(Silent(SHELLS[0]), (Path("/a"), False), (Path("/b"), True))

@@ -104,3 +104,25 @@ def test_makers_are_all_that_robots_tell_of() -> None:
         snapshot = fleet(world).gather(Detail.BASIC)
     assert makers_of(snapshot, "hello", "x") == {"x", "lab@desk:/first/hello.edf"}
     assert makers_of(snapshot, "other", "x") == {"x"}
+
+
+@pytest.mark.parametrize("path", ["/containers/json", "/networks"])
+def test_who_does_not_say_who_made_what_is_there_gets_nothing(path: str) -> None:
+    world = World().add("r1")
+    late = planned_by(world, "late", experiment(service("late", robot="r1")))
+    assert done(world, planned_by(world, "first", MINE)).exit_code == 0
+    world.robots["r1"].engine.unreadable.add(path)
+    with pytest.raises(RefusedError, match=f"r1 does not say who made what is there: .*{path} cannot be read"):
+        done(world, late)
+    assert there(world)["r1"] == {"srprov.hello.web"}
+
+
+def test_a_robot_whose_containers_cannot_be_read_is_not_said_to_have_none() -> None:
+    """`destroy` did nothing there, and said that it was done."""
+    world = World().add("r1")
+    assert done(world, planned_by(world, "first", MINE)).exit_code == 0
+    world.robots["r1"].engine.unreadable.add("/containers/json")
+    with remembering_all(world):
+        gone = make_removal(fleet(world), "hello", volumes=False)
+    assert "/containers/json cannot be read" in gone.plan.unreachable["r1"]
+    assert there(world)["r1"] == {"srprov.hello.web"}

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from srprov.modules.mount_place import LEADS_TO, LED, guarded
+from srprov.modules.mount_place import LEADS_TO, LED, NOT_TOLD, guarded
 from srprov.wire import EngineCall, Run, quote
 
 SHELLS = (("sh", "-c"), ("busybox", "sh", "-c"))
@@ -51,6 +51,10 @@ def test_a_script_of_a_container_is_not_run_where_a_path_leads_elsewhere(
     maps.symlink_to(home)
     said = f"{maps} leads to {home}, and to {maps} when it was planned: plan again\n"
     assert tried(shell, command.script) == (1, said)
+    unknown = guarded(Run(script="echo made"), mounts, {str(maps): NOT_TOLD})
+    assert isinstance(unknown, Run)
+    said = f"{maps} leads to {home}, and to what was not told when it was planned: plan again\n"
+    assert tried(shell, unknown.script) == (1, said)
     other = guarded(Run(script="echo made"), mounts, {str(maps): str(home)})
     assert isinstance(other, Run)
     assert tried(shell, other.script) == (0, "made\n")

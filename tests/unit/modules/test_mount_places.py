@@ -13,9 +13,9 @@ from srprov.modules.mount_places import places_refused
 DOCKER = """#!/bin/sh
 for last; do :; done
 case $1 in
-  volume) [ -d "{0}/data/$last" ] && echo "{0}/data/$last" ;;
-  ps) [ ! -e "{0}/${{last#volume=}}.writers" ] || echo 0123456789ab ;;
-  inspect) cat "{0}"/*.writers ;;
+  volume) if [ -d "{0}/data/$last" ]; then echo "{0}/data/$last"; else cat "{0}/why" >&2; exit 1; fi ;;
+  ps) [ ! -e "{0}/away" ] || exit 1; [ ! -e "{0}/${{last#volume=}}.writers" ] || echo 0123456789ab ;;
+  inspect) [ ! -e "{0}/inspect-fails" ] || exit 1; cat "{0}"/*.writers ;;
 esac
 """
 OWN = "srprov.x.planner"
@@ -38,6 +38,7 @@ def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     program.chmod(0o755)
     monkeypatch.setenv("PATH", f"{program.parent}:/usr/bin:/bin")
     (tmp_path / "data").mkdir()
+    (tmp_path / "why").write_text("Error response from daemon: get v: no such volume\n")
     return tmp_path / "data"
 
 
@@ -102,3 +103,15 @@ def test_nobody_else_who_runs_may_put_a_link_there(data: Path, writers: str, ref
     words = said(volume("v", "/data"), volume("w", "/data/logs"))
     assert words.startswith(f"{refused} may write to the volume v") if refused else words == ""
     assert said(volume("u", "/data"), volume("w", "/data/logs")) == said(volume("v", "/data")) == ""
+
+
+def test_what_docker_does_not_tell_is_refused(data: Path) -> None:
+    (data.parent / "why").write_text("Cannot connect to the Docker daemon\n")
+    assert said(volume("v", "/d"), volume("w", "/d/x")).startswith("what lies in the volume v cannot be told")
+    (data / "v").mkdir()
+    assert said(volume("v", "/d"), volume("w", "/d/x")) == ""
+    (data.parent / "v.writers").write_text("/a")
+    (data.parent / "inspect-fails").touch()
+    assert said(volume("v", "/d"), volume("w", "/d/x")).startswith("who writes to the volume v cannot be told")
+    (data.parent / "away").touch()
+    assert said(volume("v", "/d"), volume("w", "/d/x")).startswith("who writes to the volume v cannot be told")

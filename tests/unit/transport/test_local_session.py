@@ -179,7 +179,7 @@ def test_a_batch_of_engine_queries_is_one_round_trip(session: Session, play: Cal
 
 def test_an_engine_that_dies_in_a_batch(session: Session, play: Callable[[Answer], PlayedEngine]) -> None:
     """What it said before counts; and it is asked again, once, when it may have been an idle stream that ended."""
-    engine = play(lambda request, *_: b"" if "bad" in request else reply(b"ok"))
+    engine = play(lambda request, *_: b"" if "bad" in request else reply(b"1"))
     good, bad, rest = session.ask([EngineQuery(path="/good"), EngineQuery(path="/bad"), EngineQuery(path="/fine")])
     assert good.ok and (bad.status, rest.status) == (0, 0) and bad.err
     assert session.ask([EngineQuery(path="/good")])[0].ok
@@ -356,7 +356,7 @@ def test_an_image_is_copied_without_being_held(play: Callable[[Answer], PlayedEn
     assert not other.ok and other.err.startswith("source: it gives another image under a:1 than the one that was built")
     failed = target.execute(CopyImage(image="nope:1", source_host="source", way="whole"))
     assert (failed.ok, failed.err) == (False, "source: its engine cannot give nope:1: no such image")
-    assert target.ask([EngineQuery(path="/x/get")])[0].ok, "the target's engine is usable after a copy that failed"
+    assert target.ask([EngineQuery(path="/info")])[0].ok, "the target's engine is usable after a copy that failed"
     for _ in range(6):  # more than there are connections
         next(source.save_image("a:1", 5))
     assert len(b"".join(source.save_image("a:1", 5))) == len(image), "a copy that nobody took to its end blocks nothing"
@@ -432,9 +432,24 @@ def test_all_answers_of_a_batch_have_a_limit_together(
     session: Session, play: Callable[[Answer], PlayedEngine], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("srprov.transport.engine.reads._LONGEST_BATCH", MIB)
-    play(lambda *_: reply(b"x" * 600_000))
+    play(lambda *_: reply(b'"' + b"x" * 600_000 + b'"'))
     first, second = session.ask([EngineQuery(path="/images/json"), EngineQuery(path="/networks")])
     assert first.ok and not second.ok and "answer to /networks is longer than" in second.err
+
+
+@pytest.mark.parametrize(
+    "labels", ["[" * 400_001, "no JSON"], ids=["more lists and maps than are read, in the labels alone", "no JSON"]
+)
+def test_an_answer_that_is_not_read_is_no_empty_one(
+    session: Session, play: Callable[[Answer], PlayedEngine], labels: str
+) -> None:
+    """What it lists would pass for gone: `destroy` did nothing, and said that it was done."""
+    said = labels if labels == "no JSON" else json.dumps([{"Id": "a", "Labels": {"x": labels}}])
+    play(lambda request, *_: reply(b"null" if "changes" in request else said.encode()))
+    (one, other) = session.ask([EngineQuery(path="/containers/json"), EngineQuery(path="/containers/a/changes")])
+    assert (one.ok, one.status) == (False, 200)
+    assert one.err.startswith("the Docker Engine's answer to /containers/json cannot be read")
+    assert other.ok, "which is JSON"
 
 
 def test_a_compressed_answer_is_refused(session: Session, play: Callable[[Answer], PlayedEngine]) -> None:
