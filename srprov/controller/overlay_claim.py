@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 from srprov.controller.robot_files import is_record_path
+from srprov.modules.container import container_name
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.file import FileParams
 from srprov.modules.network import NetworkParams
@@ -14,10 +16,15 @@ from srprov.modules.vxlan_filter import VxlanFilterParams
 from srprov.modules.wireguard import WireguardParams
 from srprov.modules.wireguard_peers import WireguardPeersParams, host_of
 from srprov.network.addresses import is_free
+from srprov.network.identity import network_name
 from srprov.network.record import read_record
+from srprov.planning.plan import Step
 from srprov.planning.planfile import PlanFile
 from srprov.resource import Resource
 from srprov.untrusted import json_or_none, mapping
+
+_ALL = "00:00:00:00:00:00"
+"""Stands for all MACs, of which nothing else is known: what is for everybody, or for nobody."""
 
 
 def vteps_of(want: Resource) -> Collection[str]:
@@ -107,18 +114,26 @@ def mixed_up(
 
 
 def misled(steps: Iterable[Resource], wants: Sequence[Resource], underlays: Mapping[str, str]) -> Iterator[Resource]:
-    """Return the links that would send what is for one robot's services to another one, and units that restore such."""
-    gateways = {want.host: want.params.gateway for want in wants if isinstance(want.params, NetworkParams)}
-    homes = {link.bridge_mac: want.host for want in wants
-             if isinstance(link := want.params, VxlanParams) and link.bridge_mac}  # fmt: skip
-    # a service's comes last: a bridge that had the same would take what is for the service
-    homes |= {one.network.mac: want.host for want in wants
-              if isinstance(one := want.params, ContainerParams) and one.network.mac}  # fmt: skip
+    """Return the links that are not those of the plan's robots and services, and units that restore such.
+
+    An entry more leads what is for one robot's services to another one; for want of one, it is sent to all robots. All
+    that srprov's own links have follows from who is where: so whatever else a link has is none of its own.
+    """
+    members = {want.host: want.params for want in wants if isinstance(want.params, NetworkParams)}
+    tunnels = {want.host for want in wants if isinstance(want.params, WireguardParams)}
+    ends = {robot: one.gateway for robot, one in members.items()} if tunnels else underlays
+    homes = [(link.bridge_mac, want.host) for want in wants if type(link := want.params) is VxlanParams]
+    homes += [(one.network.mac, want.host) for want in wants
+              if isinstance(one := want.params, ContainerParams) and one.network.mac]  # fmt: skip
     for want in steps:
         if not isinstance(link := want.params, VxlanParams):
             continue
-        ends = gateways if link.netns else underlays
-        if any(ends.get(homes[mac]) != vtep for mac, vtep in link.fdb if mac in homes):
+        others = {robot: ends.get(robot, "") for robot in members if robot != want.host}
+        fdb = {(_ALL, end) for end in others.values()} | {(mac, others[at]) for mac, at in homes if at in others}
+        whole = len(fdb) == len(others) + sum(at in others for _, at in homes)
+        right = {*link.fdb} == fdb and len(link.fdb) == len(fdb) and all(map(all, fdb))
+        tunnel = bool(link.netns) == bool(tunnels) == (want.host in tunnels)
+        if not (whole and right and tunnel and link.local == ends.get(want.host) and link.bridge_mac):
             yield want
 
 
@@ -147,9 +162,39 @@ def had_twice(wants: Sequence[Resource]) -> Iterator[str]:
                 found.setdefault(end, set()).add(want.params.service)
         elif isinstance(want.params, NetworkParams):
             found.setdefault(want.params.gateway, set()).add(f"the bridge on {want.host}")
-        elif isinstance(want.params, VxlanParams):  # of services that are in their robot's own network
-            for end in want.params.addresses:
+        elif isinstance(want.params, VxlanParams):
+            found.setdefault(want.params.bridge_mac, set()).add(f"the bridge on {want.host}")
+            for end in want.params.addresses:  # of services that are in their robot's own network
                 found.setdefault(end, set()).add(both.get((want.host, end), f"the bridge on {want.host}"))
     for end, some in sorted(found.items()):
         if len(some) > 1:
             yield f"{end}: {' and '.join(sorted(some))} would both have it"
+
+
+def of_others(
+    instance: str, wants: Iterable[Resource], steps: Iterable[Step], records: Iterable[Mapping[str, Any]]
+) -> Iterator[str]:
+    """Say which addresses and MACs of a plan are those of services and bridges that it neither wants nor removes.
+
+    What is left out of a plan file stays where it is: whoever asks for it by its name would come to the other one.
+    `records` are what robots keep of the instance.
+    """
+    mine: dict[str, str] = {}
+    for want in wants:
+        if isinstance(one := want.params, ContainerParams):
+            mine |= {end: one.service for end in (one.network.ip, one.network.mac) if end}
+        elif isinstance(one, NetworkParams):
+            mine[one.gateway] = f"the bridge on {want.host}"
+    gone = {(step.module, step.host, step.name) for step in steps if step.want is None}
+    known = {*mine.values()}
+    for record in filter(None, map(read_record, records)):
+        ends = [(str(ip), name) for name, ip in record.addresses.items()] + [
+            (mac, name) for name, mac in record.macs.items()
+        ]
+        there = [(end, name) for end, name in ends
+                 if ("container", record.robots.get(name), container_name(instance, name)) not in gone]  # fmt: skip
+        there += [(str(ip), f"the bridge on {robot}") for robot, ip in record.gateways.items()
+                  if ("network", robot, network_name(instance)) not in gone]  # fmt: skip
+        for end, name in there:
+            if end in mine and name not in known:
+                yield f"{end}: {mine[end]} would have it, and {name}, of which this plan says nothing, has it"

@@ -8,17 +8,21 @@ from __future__ import annotations
 
 import hashlib
 import hmac
+from collections.abc import Sequence
 
 from msgspec.structs import replace
 
 from srprov.codes import Code
+from srprov.controller.overlay_claim import of_others
 from srprov.controller.owners import Owner, owners_of
 from srprov.errors import RefusedError
 from srprov.facts.model import Snapshot
 from srprov.modules.module import canonical
 from srprov.modules.secret import names_of
+from srprov.planning.plan import Step
 from srprov.planning.planfile import PlanFile, document
 from srprov.record.memory import recall
+from srprov.resource import Resource
 
 
 def proved(saved: PlanFile, owner: Owner | None) -> PlanFile:
@@ -59,6 +63,26 @@ def check_claim(saved: PlanFile, snapshot: Snapshot, *, adopt: bool) -> None:
         hint=f"plan its EDF here; or {hint}",
         code=Code.STRANGE_PLAN,
     )
+
+
+def refuse_left_out(
+    saved: PlanFile, wants: Sequence[Resource], steps: Sequence[Step], snapshot: Snapshot
+) -> None:  # fmt: skip
+    """Refuse a file from elsewhere that hides robots that answer, or gives away what others of the instance have.
+
+    Raises:
+        RefusedError: Names them.
+    """
+    instance = saved.plan.instance
+    hidden = sorted(saved.plan.unreachable.keys() & snapshot.facts.keys())
+    wrong = [f"{robot} answers, and the plan says nothing of what is wanted there" for robot in hidden]
+    records = [some[instance] for some in snapshot.records.values() if instance in some]
+    if wrong := wrong + sorted({*of_others(instance, wants, steps, records)}):
+        raise RefusedError(
+            "this plan, which was not written here, leaves out what is there:\n" + "\n".join(wrong),
+            hint="plan its EDF here",
+            code=Code.STRANGE_PLAN,
+        )
 
 
 def _where(instance: str, snapshot: Snapshot) -> str:

@@ -23,7 +23,7 @@ from srprov.controller.overlay_notes import notes_of_a_plan_from_elsewhere
 from srprov.controller.ownership import check_source, looking, makers_of, owned
 from srprov.controller.permissions import require_decided
 from srprov.controller.plan import Planned
-from srprov.controller.plan_proof import check_claim, proved, provers
+from srprov.controller.plan_proof import check_claim, proved, provers, refuse_left_out
 from srprov.controller.robots_notes import notes_of_robots
 from srprov.controller.staleness import refuse_stale, refuse_unnoted
 from srprov.controller.writers import check_writers
@@ -140,11 +140,13 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
             if not signed:
                 check_builders([step.want for step in saved.plan.steps if step.want], fleet.inventory, snapshot)
         _check_networks(wants, saved.plan.instance, believed)
-        steps = _derived(saved, wants, snapshot, look, ours=bool(owners))
+        steps, left_out = _derived(saved, wants, snapshot, look, ours=bool(owners))
         check_writers(steps, [(want.host, one) for want, one in services_of(saved)], look)
         if not (owners or signed):  # last: of a file that was changed it is told what was
             check_claim(saved, snapshot, adopt=adopt)
+            refuse_left_out(saved, wants, steps, snapshot)
         plan = _as_found(saved, steps, snapshot, look, ours=bool(owners))
+        plan = replace(plan, notes=tuple(dict.fromkeys((*plan.notes, *left_out))))
     return Planned(plan=plan, saved=saved, makers=makers_of(snapshot, plan.instance, plan.source))
 
 
@@ -180,8 +182,10 @@ def _check_networks(wants: tuple[Resource, ...], instance: str, believed: Snapsh
 
 def _derived(
     saved: PlanFile, wants: tuple[Resource, ...], snapshot: Snapshot, look: Gathering, *, ours: bool
-) -> tuple[Step, ...]:  # fmt: skip
-    """Return the steps that follow from what a file wants; those of robots out of reach without commands.
+) -> tuple[tuple[Step, ...], tuple[str, ...]]:  # fmt: skip
+    """Return the steps that follow from what a file wants, and in words what of them its choice leaves out.
+
+    Those of robots out of reach have no commands.
 
     Only a file that was written here (`ours`) may hide the new content of a file, as one with a secret in it.
     """
@@ -194,10 +198,12 @@ def _derived(
     beside = [step for step in saved.plan.steps if step.host in away]
     plan = saved.plan
     steps, _ = diff(wants, owned(snapshot, plan.instance), plan.instance, settled=settled, beside=beside)
+    chosen = replace(plan, steps=steps, notes=())
     if saved.targets:
-        steps = targeted(replace(plan, steps=steps), wants, saved.targets).steps
+        chosen = targeted(chosen, wants, saved.targets)
     if saved.limit:
-        steps = limited(replace(plan, steps=steps), saved.limit).steps
+        chosen = limited(chosen, saved.limit)
+    steps = chosen.steps
     filed = {step.number: step for step in plan.steps}
     live = with_differences(steps, snapshot.observed, wants, look, strange=not ours)
     reviewed = tuple(as_reviewed(step, filed.get(step.number)) for step in live)
@@ -212,7 +218,7 @@ def _derived(
     steps = reviewed if ours else tuple(map(without_old_lines, reviewed, live))
     # nobody looked at what they would change
     mute = {step.number: replace(step.change, commands=()) for step in steps if step.host in away}
-    return tuple(replace(step, change=mute.get(step.number, step.change)) for step in steps)
+    return tuple(replace(step, change=mute.get(step.number, step.change)) for step in steps), chosen.notes
 
 
 def _by_number(steps: tuple[Step, ...], filed: Mapping[int, Step] | None = None) -> Mapping[str, object]:

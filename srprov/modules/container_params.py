@@ -67,6 +67,10 @@ class ContainerParams(msgspec.Struct, frozen=True, kw_only=True):
             raise ParameterError("network", "network: an overlay needs 'name', 'ip' and 'mac'")
         if self.network.mode == "both" and not self.network.ip:
             raise ParameterError("network", "network: both needs 'ip'")
+        if self.network.mac and self.network.mode != "overlay":
+            raise ParameterError("network", "network: only who is on the overlay has a 'mac'")
+        if self.network.ip and self.network.mode not in ("overlay", "both"):
+            raise ParameterError("network", f"network: {self.network.mode} has no 'ip'")
         if self.run.mounts:
             raise ParameterError("run", "run: mounts stand beside it, in the engine's form")
         if strange := sorted(self.made_with.keys() - KEPT):

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import pytest
 
-from srprov.controller.overlay_claim import astray, misled, mixed_up, told_of_strangers
+from srprov.controller.overlay_claim import astray, had_twice, misled, mixed_up, told_of_strangers
 from srprov.resource import Resource
 from tests.resources import resource
 
@@ -98,47 +101,80 @@ def containers(**peers: str) -> list[Resource]:
     ]  # fmt: skip
 
 
-def link(
-    *fdb: tuple[str, str], kind: str = "vxlan", netns: str = "", bridge_mac: str = "", host: str = "r1"
-) -> Resource:
-    more = {"link": "srpv0000000a"} if kind == "unit" else {"netns": netns}
-    said = {"instance": "x", "vni": 1, "local": UNDERLAYS[host], "port": 4789, "bridge": "srpb0000000a", "mtu": 1400}
+ALL = "00:00:00:00:00:00"
+BRIDGES = {"r1": "02:00:00:00:01:01", "r2": "02:00:00:00:01:02", "r3": "02:00:00:00:01:03"}
+NETNS = "srpw0000000aa"
+
+
+def link(host: str, ends: Mapping[str, str], kind: str = "vxlan", **changed: Any) -> Resource:
+    """Return a robot's link as srprov makes it, to robots with these ends; `changed` are fields that are otherwise."""
+    others = [other for other in ends if other != host]
+    fdb = [[ALL, ends[other]] for other in others] + [[BRIDGES[other], ends[other]] for other in others]
+    fdb += [[mac, ends[other]] for other, mac in MACS.items() if other != host]
+    said = {"instance": "x", "vni": 1, "local": ends[host], "port": 4789, "bridge": "srpb0000000a", "mtu": 1400}
+    if kind == "unit":
+        changed = {key: one for key, one in changed.items() if key != "netns"}
+        said["link"] = "srpv0000000a"
     name = "srpv0000000a" if kind == "vxlan" else "srprov-x.service"
-    return resource(
-        kind, name, {**said, "fdb": [list(one) for one in fdb], "bridge_mac": bridge_mac, **more}, host=host
-    )
+    return resource(kind, name, {**said, "fdb": fdb, "bridge_mac": BRIDGES[host], **changed}, host=host)
 
 
-@pytest.mark.parametrize(
-    ("kind", "netns", "right", "wrong"),
-    [
-        ("vxlan", "", UNDERLAYS["r2"], UNDERLAYS["r3"]),
-        ("unit", "", UNDERLAYS["r2"], UNDERLAYS["r3"]),
-        ("vxlan", "srpw0000000aa", ENDS["r2"], "10.128.0.3"),
-        ("vxlan", "srpw0000000aa", ENDS["r2"], UNDERLAYS["r2"]),
-    ],
-)
-def test_no_packet_for_a_service_goes_to_another_robot(
-    kind: str, netns: str, right: str, wrong: str
-) -> None:  # fmt: skip
-    """Root on that one would read, and answer, what is the service's."""
-    # the bridge of another robot that has its MAC changes nothing
-    wants = [*containers(), *bridges(**ENDS, r3="10.128.0.3"), link(bridge_mac=MACS["r2"], host="r3")]
-    flood = ("00:00:00:00:00:00", right)
-    for end, found in ((right, False), (wrong, True)):
-        step = link(flood, (MACS["r2"], end), kind=kind, netns=netns)
-        assert list(misled([step], [*wants, step], UNDERLAYS)) == [step] * found
-        # without a filter, one in the robot's own network is open besides
-        assert (step in list(astray([step], [*wants, step], UNDERLAYS))) is (found or (kind, netns) == ("vxlan", ""))
+def entries(one: Resource) -> list[list[str]]:
+    return [list(entry) for entry in one.params.fdb]
 
 
-def test_no_packet_for_a_robot_s_own_services_goes_to_another_one() -> None:
-    wants = [*containers(), *bridges(**ENDS), link(bridge_mac="02:00:00:00:00:09", host="r2")]
-    for end, found in ((UNDERLAYS["r2"], False), (UNDERLAYS["r3"], True)):
-        step = link(("02:00:00:00:00:09", end))
-        assert list(misled([step], [*wants, step], UNDERLAYS)) == [step] * found
-    unknown = link(("02:00:00:00:00:77", UNDERLAYS["r3"]))
-    assert list(misled([unknown], wants, UNDERLAYS)) == []  # of a robot that is out of reach
+@pytest.mark.parametrize("tunnel", [False, True])
+@pytest.mark.parametrize("kind", ["vxlan", "unit"])
+def test_a_link_is_the_one_that_follows_from_the_plan_s_robots_and_services(kind: str, tunnel: bool) -> None:
+    """Root on another robot would read, or answer, what is a service's; for want of an entry it is sent to all."""
+    all_ends = {**ENDS, "r3": "10.128.0.3"}
+    ends, netns = (all_ends, NETNS) if tunnel else (UNDERLAYS, "")
+    wants = [*containers(), *bridges(**all_ends), *(interfaces(**all_ends) if tunnel else [])]
+    wants += [link(host, ends, netns=netns) for host in ("r2", "r3")]
+    right = link("r1", ends, kind, netns=netns)
+    if kind == "unit" and tunnel:
+        return  # no unit restores an encrypted overlay
+    fdb = entries(right)
+    if kind == "unit":
+        wants.append(link("r1", ends, netns=netns))
+    assert list(misled([right], [*wants, right], UNDERLAYS)) == []
+    changes: dict[str, dict[str, Any]] = {
+        f"{mac} is sent to {end}": {"fdb": [[mac, end] if one[0] == mac else one for one in fdb]}
+        for mac in (MACS["r2"], BRIDGES["r2"])
+        for end in (ends["r3"], "203.0.113.9", (UNDERLAYS if tunnel else all_ends)["r2"])
+    }
+    changes |= {f"without {one}": {"fdb": [other for other in fdb if other != one]} for one in fdb}
+    changes |= {
+        "one more robot": {"fdb": [*fdb, [ALL, "203.0.113.9"]]},
+        "a MAC of nobody": {"fdb": [*fdb, [OTHER, ends["r3"]]]},
+    }
+    changes |= {
+        "twice": {"fdb": [*fdb, fdb[0]]},
+        "from elsewhere": {"local": "203.0.113.9"},
+        "any bridge": {"bridge_mac": ""},
+    }
+    if kind == "vxlan":
+        changes["the other way"] = {"netns": "" if tunnel else NETNS}
+    for what, changed in changes.items():
+        wrong = link("r1", ends, kind, **{"netns": netns, **changed})
+        assert list(misled([wrong], [*wants, wrong], UNDERLAYS)) == [wrong], what
+        assert wrong in list(astray([wrong], [*wants, wrong], UNDERLAYS)), what
+
+
+OTHER = "02:00:00:00:00:77"
+
+
+def test_no_two_bridges_and_no_bridge_and_service_have_one_mac() -> None:
+    """What is for the services in the network of the one robot would come to the other one."""
+    wants = [*containers(), *bridges(**ENDS, r3="10.128.0.3")]
+    links = [link(host, UNDERLAYS) for host in ("r1", "r2", "r3")]
+    assert list(had_twice([*wants, *links])) == []
+    for mac, who in (
+        (BRIDGES["r2"], "the bridge on r1 and the bridge on r2"),
+        (MACS["r2"], "on-r2 and the bridge on r1"),
+    ):
+        links[0] = link("r1", UNDERLAYS, bridge_mac=mac)
+        assert list(had_twice([*wants, *links])) == [f"{mac}: {who} would both have it"]
 
 
 @pytest.mark.parametrize("told", ["203.0.113.66;10.128.0.12", "10.128.0.1", "elsewhere", ""])

@@ -12,11 +12,13 @@ from msgspec.structs import replace
 from srprov.controller.authority import asked, check_file, wants_of
 from srprov.controller.owners import Owner, keep, owners_folder, read_owner
 from srprov.controller.plan import Planned
+from srprov.controller.plan_proof import refuse_left_out
 from srprov.controller.request import PlanRequest
 from srprov.controller.saved import check_plan, kept_plan
 from srprov.definitions.containermodel import Mount
 from srprov.definitions.model import Definitions, NetworkSettings
 from srprov.errors import RefusedError, StalePlan, UsageError
+from srprov.facts.gather import Detail
 from srprov.planning.plan import Step
 from srprov.planning.planfile import PlanFile, dump
 from srprov.planning.planread import load
@@ -242,7 +244,8 @@ def test_no_robot_is_let_into_an_overlay_where_no_service_of_it_runs(world: Worl
         check_file(within, "plan.json")
     placed = replace(within.plan, assignment={**saved.plan.assignment, "four": "r9"})
     said = {one.service for one in asked(replace(within, plan=placed))}
-    assert not said & changed, "that a service runs there is what the plan shows"
+    links = {step.id for step in steps if step.module == "vxlan"}
+    assert links and links <= said, "that one has no network of the plan"
 
 
 def test_a_subnet_that_a_plan_from_elsewhere_chose_is_told() -> None:
@@ -345,3 +348,49 @@ def test_who_runs_what_in_a_plan_file_has_names(world: World, service: str, robo
     assignment = {**saved.plan.assignment, service: robot}
     with pytest.raises(UsageError, match="cannot be the name"):
         load(dump(replace(saved, plan=replace(saved.plan, assignment=assignment))), "plan.json")
+
+
+def test_a_plan_from_elsewhere_says_what_its_choice_leaves_out(world: World) -> None:
+    """Its writer took the note away, and the steps of the other robots are none that anybody sees."""
+    saved = replace(reread(planned(world).limited(["r1"])), proof="")
+    silent = replace(saved, plan=replace(saved.plan, notes=()))
+    assert "9 steps are left out by --limit or --exclude" in check_plan(silent, fleet(world), adopt=True).plan.notes
+
+
+def test_a_plan_from_elsewhere_does_not_say_of_a_robot_that_answers_that_it_is_away(world: World) -> None:
+    """What is there was missing in the plan: a service in its place got its address, and what was for it."""
+    saved = replace(reread(planned(world)), proof="")
+    away = replace(saved, plan=replace(saved.plan, unreachable={"r2": "no answer"}))
+    with pytest.raises(RefusedError, match="r2 answers, and the plan says nothing of what is wanted there"):
+        check_plan(away, fleet(world), adopt=True)
+    check_plan(away, fleet(world), adopt=True, signed=True)
+
+
+@pytest.mark.parametrize(("kind", "field"), [("container", "ip"), ("container", "mac"), ("network", "gateway")])
+def test_a_plan_from_elsewhere_gives_nobody_what_a_service_has_that_it_leaves_out(
+    world: World, kind: str, field: str
+) -> None:
+    """With a limit that leaves out the removal of that one, too: others asked for it, and the new one answered."""
+    saved, snapshot = reread(planned(world, FIRST)), fleet(world).gather(Detail.BASIC)
+    two = next(one for one in wants_of(saved) if one.name == "srprov.hello.two").params.network
+    wants = [one for one in wants_of(saved) if one.host != "r2"]
+    refuse_left_out(saved, wants, (), snapshot)
+    place = next(n for n, one in enumerate(wants) if one.module == kind)
+    end = two.mac if field == "mac" else two.ip
+    params = wants[place].params
+    where = replace(params.network, **{field: end}) if kind == "container" else end
+    changed = replace(params, **{"network" if kind == "container" else field: where})
+    wants[place] = replace(wants[place], params=changed)
+    with pytest.raises(
+        RefusedError, match=f"{end}: .* would have it, and two, of which this plan says nothing, has it"
+    ):
+        refuse_left_out(saved, wants, (), snapshot)
+    gone = Step(
+        number=1,
+        host="r2",
+        module="container",
+        name="srprov.hello.two",
+        change=Change(action=Action.DELETE, cause=""),
+        want=None,
+    )
+    refuse_left_out(saved, wants, (gone,), snapshot)

@@ -15,6 +15,7 @@ from srprov.modules import MODULES
 from srprov.modules.container_body import parts_of
 from srprov.modules.container_form import told
 from srprov.modules.container_limits import changed_limits
+from srprov.modules.container_params import NetworkPlace
 from srprov.published import ranges
 from srprov.resource import Action, Resource
 from srprov.wire import EngineCall
@@ -177,6 +178,9 @@ def test_limits_that_somebody_changed_are_named(found: dict[str, str], changed: 
     assert changed_limits(replace(WANT.params, run=run), found) == changed
 
 
+NETWORKS = {"overlay": WANT.params.network, "host": NetworkPlace(mode="host")}
+
+
 @pytest.mark.parametrize(
     ("mode", "count", "said"),
     [
@@ -194,7 +198,7 @@ def test_limits_that_somebody_changed_are_named(found: dict[str, str], changed: 
 def test_the_plan_says_which_ports_of_the_robot_a_new_container_takes(mode: Any, count: int, said: str) -> None:
     """All: the last may be the one that the robot's own programs ask. In its network a port is only declared."""
     ports = tuple(("127.0.0.1" if number % 2 else "", 8000 + number, 80, "tcp") for number in range(count))
-    want = replace(WANT.params, run=Runtime(ports=ports), network=replace(WANT.params.network, mode=mode))
+    want = replace(WANT.params, run=Runtime(ports=ports), network=NETWORKS[mode])
     assert told(want) == f"image busybox:latest{said}"
 
 
