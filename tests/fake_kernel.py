@@ -111,20 +111,18 @@ class Kernel:
         return json.dumps(first + rest)
 
     def show_fdb(self) -> str:
-        """Print `bridge -j fdb show`: entries of ours, and those that the kernel makes by itself."""
-        shown: list[dict[str, Any]] = [
-            {"mac": "33:33:00:00:00:01", "ifname": "eth0", "flags": ["self"], "state": "permanent"}
-        ]
+        """Print the forwarding entries: ours, and those that the kernel makes by itself."""
+        shown: dict[str, list[dict[str, Any]]] = {name: [] for name, one in self.links.items() if one.kind == "vxlan"}
         for link in self.links.values():
-            if link.master:
-                own = {"mac": "32:c9:e1:a4:4d:e8", "ifname": link.name, "flags": [], "master": link.master}
-                shown.append({**own, "state": "permanent"})
+            if link.master and link.name in shown:
+                own = {"mac": "32:c9:e1:a4:4d:e8", "flags": [], "master": link.master}
+                shown[link.name].append({**own, "state": "permanent"})
         for device, mac in sorted(self.bridge_fdb):
-            if device in self.links and (master := self.links[device].master):
-                shown.append({"mac": mac, "ifname": device, "flags": [], "master": master, "state": "static"})
+            if device in shown and (master := self.links[device].master):
+                shown[device].append({"mac": mac, "flags": [], "master": master, "state": "static"})
         for device, mac, dst in sorted(self.fdb):
-            shown.append({"mac": mac, "ifname": device, "dst": dst, "flags": ["self"], "state": "permanent"})
-        return json.dumps(shown)
+            shown[device].append({"mac": mac, "dst": dst, "flags": ["self"], "state": "permanent"})
+        return json.dumps([*({"ifname": name, "entries": some} for name, some in shown.items()), {}])
 
     def _json(self, index: int, link: Link) -> dict[str, Any]:
         flags = ["BROADCAST", "MULTICAST", *(["UP", "LOWER_UP"] if link.up else [])]

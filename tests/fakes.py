@@ -327,7 +327,7 @@ class FakeRobot:
             MODULES["file"].queries()[0].command: self.disk.hashes(),  # type: ignore[union-attr]
             MODULES["tree"].queries()[0].command: self.disk.list_trees(),  # type: ignore[union-attr]
             MODULES["secret"].queries()[0].command: self.disk.secrets(),  # type: ignore[union-attr]
-            "bridge -j fdb show": self.kernel.show_fdb(),
+            MODULES["vxlan"].queries()[1].command: self.kernel.show_fdb(),  # type: ignore[union-attr]
             MODULES["vxlan_filter"].queries()[0].command: self.kernel.show_filters(),  # type: ignore[union-attr]
         }
         assert command in answers, f"the fake robot knows no {command!r}"

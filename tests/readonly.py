@@ -251,7 +251,7 @@ def _ip(words: Sequence[str]) -> bool:
         del rest[at : at + 2]
     plain = [word for word in rest if not word.startswith("-")]
     flags = [word for word in rest if word.startswith("-")]
-    return set(flags) <= {"-j", "-d", "-4", "-6", "-br", "-json"} and plain[1:2] == ["show"]
+    return set(flags) <= {"-j", "-d", "-o", "-4", "-6", "-br", "-json"} and plain[1:2] == ["show"]
 
 
 def _find(words: Sequence[str]) -> bool:

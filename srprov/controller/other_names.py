@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Iterator
 from srprov.controller.robot_mounts import Mounts
 from srprov.modules.mount_kind import GRAVE, gives_away, mount_kind
 from srprov.robot_answers import TooManyError
-from srprov.untrusted import folder, lines_of, text
+from srprov.untrusted import absolute, lines_of, text
 from srprov.wire import Query
 
 _FOUND = r"""for f in @/srv/salt @/srv/pillar @/srv/formulas @/srv/reactor @/srv/spm @/srv/tftp @/srv/tftpboot; do
@@ -85,7 +85,7 @@ _MOST_NAMED = 4
 def used(said: str) -> list[str]:
     """Read the reply to `USED`; a home that is `/` is nobody's. `MORE` is in it where that is not all."""
     lines = [line.rstrip() for line in lines_of(said, _MOST_LINES + 1)]
-    found = {MORE if line == MORE else folder(line).rstrip("/") for line in lines[:_MOST_LINES]}
+    found = {MORE if line == MORE else absolute(line).rstrip("/") for line in lines[:_MOST_LINES]}
     return sorted(found - {""} | ({MORE} if len(lines) > _MOST_LINES else set()))
 
 

@@ -23,11 +23,22 @@ from srprov.modules.params import check_mac
 from srprov.modules.vxlan_fdb import entries_of, fdb_calls, known
 from srprov.modules.vxlan_rules import SOURCE_PORTS, closed_first
 from srprov.resource import Action, Change, Observed, State
+from srprov.robot_answers import TooManyError
 from srprov.untrusted import integer, mappings, string
 from srprov.wire import AnyQuery, Command, Query, Reply, Run, quote
 
 _ALIAS = "srprov:"
 _PREFIX = "srpv"
+_ENTRIES = """printf '['
+for link in $(ip -o link show type vxlan | cut -d : -f 2 | cut -d @ -f 1); do
+  case $link in *[!a-z0-9]*) continue ;; esac
+  printf '{"ifname":"%s","entries":' "$link"
+  bridge -j fdb show dev "$link" || echo null
+  printf '},'
+done
+echo '{}]'"""
+"""Of each link by itself, which learns nothing: what bridges learn of containers' ports has no end, as a container may
+send from any MAC."""
 
 
 class VxlanParams(msgspec.Struct, frozen=True, kw_only=True):
@@ -71,22 +82,20 @@ class VxlanModule(Module[VxlanParams]):
     shares_round_trip = True
 
     def queries(self) -> tuple[AnyQuery, ...]:
-        """List VXLAN links, bridges and the forwarding database, as JSON."""
+        """List VXLAN links, bridges, and the forwarding entries of links of ours, as JSON."""
         return (
             Query(command="ip -j -d addr show", in_place=True),  # the facts ask the same, so it costs nothing
-            Query(command="bridge -j fdb show", in_place=True),
+            Query(command=_ENTRIES),
         )
 
     def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
         """Return our links with their entries; a link of our name without alias is one that was half made."""
-        every, entries = (mappings(_json(reply)) for reply in replies)
+        every, entries = map(_listed, replies)
         # each name once, and what belongs to it found at once: a robot may say anything, and pairs of it have no end
         links, bridges = (
             {string(item.get("ifname")): item for item in every if _kind(item) == kind} for kind in ("vxlan", "bridge")
         )
-        by_link: dict[str, list[Mapping[str, Any]]] = {}
-        for entry in entries:
-            by_link.setdefault(string(entry.get("ifname")), []).append(entry)
+        by_link = {string(one.get("ifname")): mappings(one.get("entries")) for one in entries}
         of_bridge: dict[str, dict[str, Any]] = {}
         found = []
         for name, item in links.items():
@@ -185,8 +194,16 @@ def _ip_calls(name: str, want: VxlanParams, *, new: bool, had: Sequence[str] | N
     return [*links, *bridge_address.calls(want.bridge, want.bridge_mac, want.addresses, had)]
 
 
-def _json(reply: Reply) -> object:
-    return reply.json() if reply.ok else []
+def _listed(reply: Reply) -> list[Mapping[str, Any]]:
+    """Return what a program lists; nothing where there is no such program.
+
+    Raises:
+        TooManyError: It lists what cannot be read: links that are there would pass for gone.
+    """
+    listed = reply.json() if reply.ok else []
+    if not isinstance(listed, list):
+        raise TooManyError("what it lists of its links and their forwarding entries cannot be read")
+    return mappings(listed)
 
 
 def _kind(item: Mapping[str, Any]) -> str:

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 
 from srprov.transport.deadline import BATCH_S, Deadline
 from srprov.transport.engine.answers import message_of, quoted
-from srprov.transport.engine.link import EngineGone, EngineLate, EngineLink, EngineSocket
+from srprov.transport.engine.link import EngineGone, EngineLate, EngineLink, EngineSocket, EngineUnread
 from srprov.untrusted import MAX_JSON_CHARACTERS, json_of_robot
 from srprov.wire import EngineQuery, Reply
 
@@ -120,7 +120,7 @@ def _reply(query: EngineQuery, answer: http.client.HTTPResponse, longest: int) -
     """Read the body of an answer whose headers are there.
 
     Raises:
-        EngineGone: The body is longer than any sensible one, or all of a batch are.
+        EngineUnread: The body is longer than any sensible one, or all of a batch are.
         HTTPException: The body ends too early.
     """
     body = bytearray()
@@ -128,7 +128,7 @@ def _reply(query: EngineQuery, answer: http.client.HTTPResponse, longest: int) -
         body += piece
         if len(body) > longest:
             most = f"{_LONGEST_ANSWER >> 20} MiB, or all of them together than {_LONGEST_BATCH >> 20} MiB"
-            raise EngineGone(f"the Docker Engine's answer to {query.path} is longer than {most}")
+            raise EngineUnread(f"the Docker Engine's answer to {query.path} is longer than {most}")
     if answer.length:
         raise http.client.IncompleteRead(b"", answer.length)
     text = body.decode("utf-8", "replace")
