@@ -39,7 +39,9 @@ def provers(saved: PlanFile) -> tuple[Owner, ...]:
     return tuple(one for one in owners if hmac.compare_digest(one.plan_proof(digest), saved.proof))
 
 
-def check_claim(saved: PlanFile, snapshot: Snapshot, *, adopt: bool) -> None:
+def check_claim(
+    saved: PlanFile, wants: Sequence[Resource], steps: Sequence[Step], snapshot: Snapshot, *, adopt: bool
+) -> None:  # fmt: skip
     """Refuse a plan that was not written here, as all that it says is only its writer's word.
 
     Whose an instance is, what its secrets hold, where its services run and who builds its images is believed by later
@@ -57,7 +59,7 @@ def check_claim(saved: PlanFile, snapshot: Snapshot, *, adopt: bool) -> None:
         what = f"would use what is there of secrets: {', '.join(kept)}"
         hint = "apply it with --signers FILE if it is signed"
     else:
-        return
+        return refuse_left_out(saved, wants, steps, snapshot)
     raise RefusedError(
         f"this plan was not written on this controller, and {what}",
         hint=f"plan its EDF here; or {hint}",

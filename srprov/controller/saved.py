@@ -23,7 +23,7 @@ from srprov.controller.overlay_notes import notes_of_a_plan_from_elsewhere
 from srprov.controller.ownership import check_source, looking, makers_of, owned
 from srprov.controller.permissions import require_decided
 from srprov.controller.plan import Planned
-from srprov.controller.plan_proof import check_claim, proved, provers, refuse_left_out
+from srprov.controller.plan_proof import check_claim, proved, provers
 from srprov.controller.robots_notes import notes_of_robots
 from srprov.controller.staleness import refuse_stale, refuse_unnoted
 from srprov.controller.writers import check_writers
@@ -143,15 +143,14 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
         steps, left_out = _derived(saved, wants, snapshot, look, ours=bool(owners))
         check_writers(steps, [(want.host, one) for want, one in services_of(saved)], look)
         if not (owners or signed):  # last: of a file that was changed it is told what was
-            check_claim(saved, snapshot, adopt=adopt)
-            refuse_left_out(saved, wants, steps, snapshot)
-        plan = _as_found(saved, steps, snapshot, look, ours=bool(owners))
-        plan = replace(plan, notes=tuple(dict.fromkeys((*plan.notes, *left_out))))
+            check_claim(saved, wants, steps, snapshot, adopt=adopt)
+        plan = _as_found(saved, steps, left_out, snapshot, look, ours=bool(owners))
     return Planned(plan=plan, saved=saved, makers=makers_of(snapshot, plan.instance, plan.source))
 
 
 def _as_found(
-    saved: PlanFile, steps: tuple[Step, ...], snapshot: Snapshot, look: Gathering, *, ours: bool
+    saved: PlanFile, steps: tuple[Step, ...], left_out: tuple[str, ...], snapshot: Snapshot, look: Gathering, *,
+    ours: bool,
 ) -> Plan:  # fmt: skip
     """Return a file's plan with its steps as they were derived, what robots say, and what a stranger's file may hide.
 
@@ -163,7 +162,7 @@ def _as_found(
         refuse_unnoted(saved, noted)
     else:
         noted = (*noted, *notes_of_a_plan_from_elsewhere(plan.instance, steps))
-    notes, away = tuple(dict.fromkeys((*plan.notes, *noted))), {**plan.unreachable, **snapshot.unreachable}
+    notes, away = tuple(dict.fromkeys((*plan.notes, *noted, *left_out))), {**plan.unreachable, **snapshot.unreachable}
     return replace(plan, steps=steps, notes=notes, unreachable=away, leads=leads)
 
 

@@ -10,7 +10,7 @@ Source: Linux `vxlan` documentation, iproute2's ip-link(8) and bridge(8).
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import msgspec
@@ -21,24 +21,14 @@ from srprov.modules.isolated import ISOLATED, isolated
 from srprov.modules.module import Module, Names
 from srprov.modules.params import check_mac
 from srprov.modules.vxlan_fdb import entries_of, fdb_calls, known
+from srprov.modules.vxlan_links import ENTRIES, bridge_state, kind_of, link_state, listed
 from srprov.modules.vxlan_rules import SOURCE_PORTS, closed_first
 from srprov.resource import Action, Change, Observed, State
-from srprov.robot_answers import TooManyError
-from srprov.untrusted import integer, mappings, string
+from srprov.untrusted import mappings, string
 from srprov.wire import AnyQuery, Command, Query, Reply, Run, quote
 
 _ALIAS = "srprov:"
 _PREFIX = "srpv"
-_ENTRIES = """printf '['
-for link in $(ip -o link show type vxlan | cut -d : -f 2 | cut -d @ -f 1); do
-  case $link in *[!a-z0-9]*) continue ;; esac
-  printf '{"ifname":"%s","entries":' "$link"
-  bridge -j fdb show dev "$link" || echo null
-  printf '},'
-done
-echo '{}]'"""
-"""Of each link by itself, which learns nothing: what bridges learn of containers' ports has no end, as a container may
-send from any MAC."""
 
 
 class VxlanParams(msgspec.Struct, frozen=True, kw_only=True):
@@ -85,15 +75,16 @@ class VxlanModule(Module[VxlanParams]):
         """List VXLAN links, bridges, and the forwarding entries of links of ours, as JSON."""
         return (
             Query(command="ip -j -d addr show", in_place=True),  # the facts ask the same, so it costs nothing
-            Query(command=_ENTRIES),
+            Query(command=ENTRIES),
         )
 
     def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
         """Return our links with their entries; a link of our name without alias is one that was half made."""
-        every, entries = map(_listed, replies)
+        every, entries = map(listed, replies)
         # each name once, and what belongs to it found at once: a robot may say anything, and pairs of it have no end
         links, bridges = (
-            {string(item.get("ifname")): item for item in every if _kind(item) == kind} for kind in ("vxlan", "bridge")
+            {string(item.get("ifname")): item for item in every if kind_of(item) == kind}
+            for kind in ("vxlan", "bridge")
         )
         by_link = {string(one.get("ifname")): mappings(one.get("entries")) for one in entries}
         of_bridge: dict[str, dict[str, Any]] = {}
@@ -102,9 +93,9 @@ class VxlanModule(Module[VxlanParams]):
             alias = string(item.get("ifalias"))
             if not (alias.startswith(_ALIAS) or name.startswith(_PREFIX)):
                 continue
-            state = _link_state(item, by_link.get(name, ()))
+            state = link_state(item, by_link.get(name, ()))
             if (on := state["bridge"]) not in of_bridge:
-                of_bridge[on] = _bridge_state(on, bridges.get(on, {}))
+                of_bridge[on] = bridge_state(on, bridges.get(on, {}))
             instance = alias.removeprefix(_ALIAS) if alias.startswith(_ALIAS) else ""
             state = {**state, **of_bridge[on], "instance": instance}
             found.append(Observed(module="vxlan", name=name, instance=instance, state=state))
@@ -192,57 +183,6 @@ def _ip_calls(name: str, want: VxlanParams, *, new: bool, had: Sequence[str] | N
     links.append(["link", "set", "dev", name, "type", "bridge_slave", "learning", "off", "fdb_flush"])
     links.append(["link", "set", "dev", want.bridge, "type", "bridge", "mcast_snooping", "0"])
     return [*links, *bridge_address.calls(want.bridge, want.bridge_mac, want.addresses, had)]
-
-
-def _listed(reply: Reply) -> list[Mapping[str, Any]]:
-    """Return what a program lists; nothing where there is no such program.
-
-    Raises:
-        TooManyError: It lists what cannot be read: links that are there would pass for gone.
-    """
-    listed = reply.json() if reply.ok else []
-    if not isinstance(listed, list):
-        raise TooManyError("what it lists of its links and their forwarding entries cannot be read")
-    return mappings(listed)
-
-
-def _kind(item: Mapping[str, Any]) -> str:
-    info = item.get("linkinfo")
-    return string(info.get("info_kind")) if isinstance(info, Mapping) else ""
-
-
-def _data(item: Mapping[str, Any], of: str = "info_data") -> Mapping[str, Any]:
-    info = item.get("linkinfo")
-    data = info.get(of) if isinstance(info, Mapping) else None
-    return data if isinstance(data, Mapping) else {}
-
-
-def _bridge_state(name: str, bridge: Mapping[str, Any]) -> dict[str, Any]:
-    return {"snooping": bool(_data(bridge).get("mcast_snooping", 1)), **bridge_address.found(name, bridge)}
-
-
-def _link_state(item: Mapping[str, Any], mine: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return what is said of a link, and by its own forwarding entries."""
-    data = _data(item)
-    flags = item.get("flags")
-    bridge = string(item.get("master"))
-    fdb = sorted([string(entry.get("mac")), string(entry.get("dst"))] for entry in mine if entry.get("dst"))
-    fixed = [one for one in mine if bridge and one.get("master") == bridge and one.get("state") == "static"]
-    ports = data.get("port_range")
-    return {
-        "vni": integer(data.get("id")),
-        "local": string(data.get("local") or data.get("local6")),
-        "port": integer(data.get("port")),
-        "learning": bool(data.get("learning", False)),
-        "source_ports": [integer(ports.get("low")), integer(ports.get("high"))] if isinstance(ports, Mapping) else [],
-        "port_learning": bool(_data(item, "info_slave_data").get("learning", False)),
-        "elsewhere": "link_netnsid" in item or "link_netns" in item,
-        "bridge": bridge,
-        "mtu": integer(item.get("mtu")),
-        "up": "UP" in flags if isinstance(flags, list) else False,
-        "fdb": fdb,
-        "bridge_fdb": sorted(string(entry.get("mac")) for entry in fixed),
-    }
 
 
 def _loose_differences(want: VxlanParams, found: State) -> list[str]:

@@ -41,10 +41,6 @@ class EngineGone(Exception):
     """There is no engine at the far end; the text says why."""
 
 
-class EngineUnread(EngineGone):
-    """The engine answers, and with more than is read: what it says is not known."""
-
-
 class EngineLate(EngineGone):
     """The engine did not answer within its time."""
 
@@ -248,6 +244,4 @@ class EngineLink(msgspec.Struct, frozen=True, kw_only=True):
         if isinstance(error, EngineLate):
             return Reply(status=0, ok=False, err=f"the Docker Engine did not answer within {seconds:g} s")
         words = " ".join(str(error).split())[:500]
-        if isinstance(error, EngineUnread):
-            return Reply(status=200, ok=False, err=words)
         return Reply(status=0, ok=False, err=words or "the Docker Engine closed the connection")

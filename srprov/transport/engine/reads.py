@@ -15,9 +15,11 @@ import threading
 import urllib.parse
 from collections.abc import Sequence
 
+from msgspec.structs import replace
+
 from srprov.transport.deadline import BATCH_S, Deadline
 from srprov.transport.engine.answers import message_of, quoted
-from srprov.transport.engine.link import EngineGone, EngineLate, EngineLink, EngineSocket, EngineUnread
+from srprov.transport.engine.link import EngineGone, EngineLate, EngineLink, EngineSocket
 from srprov.untrusted import MAX_JSON_CHARACTERS, json_of_robot
 from srprov.wire import EngineQuery, Reply
 
@@ -28,6 +30,10 @@ _LONGEST_ANSWER = MAX_JSON_CHARACTERS
 _LONGEST_BATCH = 4 * _LONGEST_ANSWER
 _PIECE = 1 << 20
 _FAILURES = (EngineGone, http.client.HTTPException, OSError, EOFError)
+
+
+class _UnreadError(EngineGone):
+    """The engine answers, and with more than is read: what it says is not known."""
 
 
 class EngineReader:
@@ -78,6 +84,8 @@ class EngineReader:
                     if used and not isinstance(error, EngineGone):
                         continue
                     gone = self._link.failure(_in_words(error), queries[len(replies)].timeout_s)
+                    if isinstance(error, _UnreadError):
+                        gone = replace(gone, status=200)
                     replies += [gone] * (len(queries) - len(replies))
             return replies
 
@@ -120,7 +128,7 @@ def _reply(query: EngineQuery, answer: http.client.HTTPResponse, longest: int) -
     """Read the body of an answer whose headers are there.
 
     Raises:
-        EngineUnread: The body is longer than any sensible one, or all of a batch are.
+        _UnreadError: The body is longer than any sensible one, or all of a batch are.
         HTTPException: The body ends too early.
     """
     body = bytearray()
@@ -128,7 +136,7 @@ def _reply(query: EngineQuery, answer: http.client.HTTPResponse, longest: int) -
         body += piece
         if len(body) > longest:
             most = f"{_LONGEST_ANSWER >> 20} MiB, or all of them together than {_LONGEST_BATCH >> 20} MiB"
-            raise EngineUnread(f"the Docker Engine's answer to {query.path} is longer than {most}")
+            raise _UnreadError(f"the Docker Engine's answer to {query.path} is longer than {most}")
     if answer.length:
         raise http.client.IncompleteRead(b"", answer.length)
     text = body.decode("utf-8", "replace")
