@@ -20,11 +20,18 @@ from srprov.errors import Diagnostic
 from srprov.importing.normal import Refused
 from srprov.importing.position import Position
 
-_SPACE = "\t\v\f\r \x85\xa0"
+_SPACE = r"\t\v\f\r \x85\xa0"
+_SPACES = re.compile(f"[{_SPACE}]*")
+_BETWEEN = re.compile(r"\s*(#[^\n]*)?")
+_OF_NAMES = re.compile(rf"[\w.\-\[\]{_SPACE}]*")
+_CLOSING = {quote: re.compile(rf"(?<!\\){quote}") for quote in "'\""}
 _ESCAPE = re.compile(r"""\\(?:([abcfnrtv$"\\])|0([0-9]{0,3}))""", re.ASCII)
 _PLAIN_ESCAPES = {"a": "\a", "b": "\b", "f": "\f", "n": "\n", "r": "\r", "t": "\t", "v": "\v", "\\": "\\", '"': '"'}
 _EXPORT = re.compile(r"export\s+")
 MOST_LINES = 10_000
+"""Of a file, and of variables in it: several may stand in a line, behind each other's quotes."""
+MOST_BACKSLASHES = 200_000
+"""Of a file, in double quotes, where each may begin an escape."""
 
 
 class Entry(msgspec.Struct, frozen=True):
@@ -78,44 +85,39 @@ class _Source:
         self.at = 0
         self.closed: int | None = None
         """Where the last quoted value ended."""
-        self.lines, self.counted = 1, 0
+        self.lines, self.counted, self.line = 1, 0, 0
+        """The line that has been reached, up to where it was looked for, and where it begins."""
+        self.entries = 0
+        self.backslashes = 0
 
     def here(self) -> Position:
-        """Return the place that has been reached; only what is new since the last call is counted."""
+        """Return the place that has been reached; only what is new since the last call is looked at."""
         self.lines += self.text.count("\n", self.counted, self.at)
+        self.line = self.text.rfind("\n", self.counted, self.at) + 1 or self.line
         self.counted = self.at
-        if self.lines > MOST_LINES:
-            raise Refused(
-                [
-                    Diagnostic(
-                        Position(self.file, self.lines),
-                        f"there are more than {MOST_LINES} lines",
-                        code=Code.COMPOSE_VARIABLE,
-                    )
-                ]
-            )
-        return Position(self.file, self.lines, self.at - (self.text.rfind("\n", 0, self.at) + 1) + 1)
+        if self.lines > MOST_LINES or self.entries > MOST_LINES:
+            many = f"there are more than {MOST_LINES} {'lines' if self.lines > MOST_LINES else 'variables'}"
+            raise Refused([Diagnostic(Position(self.file, self.lines), many, code=Code.COMPOSE_VARIABLE)])
+        return Position(self.file, self.lines, self.at - self.line + 1)
 
     def entry(self, put_in: PutIn, lookup: Lookup) -> Entry | None:
         """Read the next name and its value; None at the end."""
-        if not self._start():
+        while self._skip(_BETWEEN)[1]:
+            self.here()
+        if self.at == len(self.text):
             return None
+        self.entries += 1
         at = self.here()
         name, alone = self._name(at)
         if alone:
             return Entry(name, lookup(name, at), at)
         return Entry(name, self._worth(at, put_in), at)
 
-    def _start(self) -> bool:
-        while self.at < len(self.text):
-            if self.text[self.at] == "#":
-                end = self.text.find("\n", self.at)
-                self.at = len(self.text) if end < 0 else end
-            elif self.text[self.at].isspace():
-                self.at += 1
-            else:
-                return True
-        return False
+    def _skip(self, what: re.Pattern[str]) -> re.Match[str]:
+        found = what.match(self.text, self.at)
+        assert found  # also without a character
+        self.at = found.end()
+        return found
 
     def _name(self, at: Position) -> tuple[str, bool]:
         if export := _EXPORT.match(self.text, self.at):
@@ -123,28 +125,20 @@ class _Source:
         begin = self.at
         behind = self.closed is not None and self.text.find("\n", self.closed, begin) < 0
         hint = BEHIND if behind else ""
-        end, sign = len(self.text), ""
-        for index in range(begin, len(self.text)):
-            char = self.text[index]
-            if char in "=:\n":
-                end, sign = index, char
-                break
-            if not (char in "_.-[]" or char in _SPACE or char.isalnum()):
-                message = f"a name of a variable has no '{char}'"
-                message += ", and what stands behind a closing quote is one for Compose" if behind else ""
-                raise Refused([Diagnostic(at, message, hint=hint, code=Code.COMPOSE_VARIABLE)])
+        self._skip(_OF_NAMES)
+        end, sign = self.at, self.text[self.at : self.at + 1]
+        if sign not in "=:\n":
+            message = f"a name of a variable has no '{sign}'"
+            message += ", and what stands behind a closing quote is one for Compose" if behind else ""
+            raise Refused([Diagnostic(at, message, hint=hint, code=Code.COMPOSE_VARIABLE)])
         name = self.text[begin:end].rstrip()
         if " " in name:
             message = f"the name of a variable has a space: '{name[:80]}'"
             raise Refused([Diagnostic(at, message, hint=hint, code=Code.COMPOSE_VARIABLE)])
         self.at = min(end + 1, len(self.text))
         if sign != "\n":
-            self._skip_space()
+            self._skip(_SPACES)
         return name, sign == "\n" or not sign
-
-    def _skip_space(self) -> None:
-        while self.at < len(self.text) and self.text[self.at] in _SPACE:
-            self.at += 1
 
     def _worth(self, at: Position, put_in: PutIn) -> str:
         quote = self.text[self.at : self.at + 1]
@@ -155,14 +149,18 @@ class _Source:
             self.at = min(end + 1, len(self.text))
             return put_in(line, at)
         begin = self.at + 1
-        end = begin
-        while (end := self.text.find(quote, end)) >= 0 and self.text[end - 1] == "\\":
-            end += 1
-        if end < 0:
+        if (closing := _CLOSING[quote].search(self.text, begin)) is None:
             raise Refused([Diagnostic(at, "a quote is not closed", code=Code.COMPOSE_VARIABLE)])
-        self.at = self.closed = end + 1
-        value = self.text[begin:end]
-        return value.replace("\\'", "'") if quote == "'" else put_in(_ESCAPE.sub(_escaped, value), at)
+        self.at = self.closed = closing.end()
+        value = self.text[begin : closing.start()]
+        return value.replace("\\'", "'") if quote == "'" else put_in(self._unescaped(value, at), at)
+
+    def _unescaped(self, value: str, at: Position) -> str:
+        self.backslashes += value.count("\\")
+        if self.backslashes > MOST_BACKSLASHES:
+            many = f"there are more than {MOST_BACKSLASHES} backslashes"
+            raise Refused([Diagnostic(at, many, code=Code.COMPOSE_VARIABLE)])
+        return _ESCAPE.sub(_escaped, value)
 
 
 def _escaped(found: re.Match[str]) -> str:

@@ -6,6 +6,7 @@ taken from the environment of this process. What Compose would take from there i
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -18,8 +19,8 @@ from srprov.importing.position import Position
 
 _NAME = "[_a-zA-Z][_a-zA-Z0-9]*"
 _FOUND = re.compile(rf"\$(?:(?P<escaped>\$)|(?P<named>{_NAME})|\{{)")
-_HEAD = re.compile(rf"{_NAME}(?P<sign>:?[-+?])?")
-_PARTS = re.compile(rf"({_NAME})(?:(:?[-+?])(.*))?", re.DOTALL)
+_HEAD = re.compile(rf"(?P<name>{_NAME})(?P<sign>:?[-+?])?")
+_BRACES = re.compile(r"\{.?|\}+", re.DOTALL)
 LONGEST_TEXT = 65_536
 """Of one text with variables in it, in characters."""
 DEEPEST = 20
@@ -30,6 +31,9 @@ MOST_VARIABLES = 20_000
 MOST_LOOKED_AT = 1024 * 1024 * 1024
 """Characters, of all texts of a project together: what follows a variable is looked at once more for each."""
 
+MOST_BRACES = 500_000
+"""Of all texts of a project together that have variables in braces."""
+
 
 @dataclass
 class Variables:
@@ -38,8 +42,8 @@ class Variables:
     worth: Mapping[str, Origin]
     used: list[Variable] = field(default_factory=list)
     problems: list[Diagnostic] = field(default_factory=list)
-    size: list[int] = field(default_factory=lambda: [0, 0])
-    """How much text there is by now, and was looked at; one list for all that read one project."""
+    size: list[int] = field(default_factory=lambda: [0, 0, 0])
+    """How much text there is by now, and was looked at, and how many braces; one list for all that read one project."""
 
     def beside(self, more: Mapping[str, Origin]) -> Variables:
         """Return variables that know more names, for an included project; what is asked for is recorded here too."""
@@ -61,7 +65,7 @@ class Variables:
                     )
                 ]
             )
-        result = _Text(self, at).put_in(text, 0)
+        result = _Text(self, at, text).put_in(0, len(text), 0)
         self.grow(len(result), at)
         return result
 
@@ -88,6 +92,17 @@ class Variables:
                 [Diagnostic(at, "the project has too many variables in long texts", code=Code.COMPOSE_VARIABLE)]
             )
 
+    def count_braces(self, text: str, at: Position) -> None:
+        """Count braces that are looked at one by one.
+
+        Raises:
+            Refused: They are too many.
+        """
+        self.size[2] += text.count("{") + text.count("}")
+        if self.size[2] > MOST_BRACES:
+            message = f"texts with variables have more than {MOST_BRACES} braces"
+            raise Refused([Diagnostic(at, message, code=Code.COMPOSE_VARIABLE)])
+
     def record(self, name: str, source: str, value: str, at: Position) -> None:
         """Note that a variable was asked for."""
         if len(self.used) >= MOST_VARIABLES:
@@ -102,13 +117,20 @@ class Variables:
 
 
 class _Text:
-    """One text at one place."""
+    """One text at one place, with parts of it from one index to another: defaults, and defaults within these."""
 
-    def __init__(self, variables: Variables, at: Position) -> None:
+    def __init__(self, variables: Variables, at: Position, text: str) -> None:
         self.variables = variables
         self.at = at
+        self.text = text
 
-    def put_in(self, text: str, depth: int) -> str:
+    @functools.cached_property
+    def closing(self) -> dict[int, int]:
+        """Where each brace closes: looked for once, however deep defaults are nested."""
+        self.variables.count_braces(self.text, self.at)
+        return _closing(self.text)
+
+    def put_in(self, begin: int, end: int, depth: int) -> str:
         if depth > DEEPEST:
             raise Refused(
                 [
@@ -120,39 +142,43 @@ class _Text:
                 ]
             )
         done: list[str] = []
-        while found := _FOUND.search(text):
-            self.variables.look(len(text), self.at)
-            done.append(text[: found.start()])
-            value, text = self._one(found, text, depth)
+        while found := _FOUND.search(self.text, begin, end):
+            self.variables.look(end - begin, self.at)
+            done.append(self.text[begin : found.start()])
+            value, begin = self._one(found, begin, end, depth)
             done.append(value)
             self.variables.grow(len(value), self.at)
-        return "".join([*done, text])
+        return "".join([*done, self.text[begin:end]])
 
-    def _one(self, found: re.Match[str], text: str, depth: int) -> tuple[str, str]:
-        """Return one variable's value, and what is left of the text."""
-        rest = text[found.end() :]
+    def _one(self, found: re.Match[str], begin: int, end: int, depth: int) -> tuple[str, int]:
+        """Return one variable's value, and where what is left of the text begins."""
+        after = found.end()
         if found["escaped"]:
-            return "$", rest
+            return "$", after
         if found["named"]:
-            return self._plain(found["named"]), rest
+            return self._plain(found["named"]), after
+        head = _HEAD.match(self.text, after, end)
         # Compose takes all up to the last brace of the line, and then goes back to the brace that closes this one
-        if (last := _last_brace(rest)) < 0:
-            return self._broken(text), rest
-        whole, inner, rest = f"${{{rest[: last + 1]}", rest[:last], rest[last + 1 :]
-        if (end := _closing(whole)) >= 0:
-            inner, rest = whole[2:end], whole[end + 1 :] + rest
-        parts = _PARTS.fullmatch(inner)
-        if parts is None or "\n" in inner:
-            return self._broken(text), rest
-        name, sign, word = parts.groups()
-        return (self._signed(name, sign, word, depth) if sign else self._plain(name)), rest
+        if head is None or (last := self._last_brace(head, end)) < 0:
+            return self._broken(self.text[begin : min(end, begin + 80)]), after
+        last = min(self.closing.get(after - 1, last), last)
+        name, sign = head.groups()
+        if sign:
+            return self._signed(name, sign, (head.end(), last), depth), last + 1
+        return self._plain(name), last + 1
+
+    def _last_brace(self, head: re.Match[str], end: int) -> int:
+        """Return where a variable may end at the latest, by its name and perhaps sign; or -1."""
+        after = head.end()
+        if not head["sign"]:
+            return after if self.text.startswith("}", after, end) else -1
+        line = self.text.find("\n", after, end)
+        return self.text.rfind("}", after, line if line >= 0 else end)
 
     def _broken(self, text: str) -> str:
         hint = "write '$$' for a dollar sign"
         self.variables.problems.append(
-            Diagnostic(
-                self.at, f"no variable is written like this: '{text[:80]}'", "", "", hint, code=Code.COMPOSE_VARIABLE
-            )
+            Diagnostic(self.at, f"no variable is written like this: '{text}'", "", "", hint, code=Code.COMPOSE_VARIABLE)
         )
         return ""
 
@@ -171,10 +197,10 @@ class _Text:
         self.variables.record(name, known.source, known.value, self.at)
         return known.value
 
-    def _signed(self, name: str, sign: str, word: str, depth: int) -> str:
+    def _signed(self, name: str, sign: str, span: tuple[int, int], depth: int) -> str:
         known = self.variables.worth.get(name)
         usable = known is not None and (bool(known.value) or not sign.startswith(":"))
-        word = self.put_in(word, depth + 1)
+        word = self.put_in(*span, depth + 1)
         if sign.endswith("+"):
             value = word if usable else ""
             self.variables.record(name, known.source if known else "unset", value, self.at)
@@ -192,27 +218,17 @@ class _Text:
         return ""
 
 
-def _last_brace(text: str) -> int:
-    """Return where a variable may end at the latest, whose name and perhaps sign the text begins with; or -1."""
-    head = _HEAD.match(text)
-    if head is None:
-        return -1
-    if not head["sign"]:
-        return head.end() if text.startswith("}", head.end()) else -1
-    line = text.find("\n", head.end())
-    return text.rfind("}", head.end(), line if line >= 0 else len(text))
+def _closing(text: str) -> dict[int, int]:
+    """Return where braces open -> where they close; as in Compose, an opening one hides the character after it.
 
-
-def _closing(text: str) -> int:
-    """Return where the first brace closes, or -1; as in Compose, a brace hides the character after it."""
-    open_braces, index = 0, 0
-    while index < len(text):
-        if text[index] == "}":
-            open_braces -= 1
-            if open_braces == 0:
-                return index
-        elif text[index] == "{":
-            open_braces += 1
-            index += 1
-        index += 1
-    return -1
+    Where the first variable stands does not matter: what comes before `${` hides nothing behind it.
+    """
+    opened: list[int] = []
+    closing: dict[int, int] = {}
+    for found in _BRACES.finditer(text):
+        if text[found.start()] == "{":
+            opened.append(found.start())
+            continue
+        for index in range(found.start(), min(found.end(), found.start() + len(opened))):
+            closing[opened.pop()] = index
+    return closing

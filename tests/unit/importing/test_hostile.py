@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 
 from srprov.importing.normal import Normal, Refused
 from srprov.importing.read import normalise
-from tests.bounded import within
+from tests.bounded import bounded, within
 
 SECONDS = 2.0
 SERVICE = "services: {a: {image: x}}\n"
@@ -260,3 +261,33 @@ def test_variables_that_do_not_end_in_many_long_texts(tmp_path: Path, text: str)
     """Each is looked for to the end of its line."""
     lines = "".join(f'    - "{text}"\n' for _ in range(50))
     assert refusal(tmp_path, f"services:\n  a:\n    image: x\n    command:\n{lines}")
+
+
+@pytest.mark.parametrize("text", ["x" * 65_300, "{}" * 32_650, "{a}" * 21_766])
+def test_defaults_within_defaults_of_many_long_texts(tmp_path: Path, text: str) -> None:
+    """Where each ends is found once for a text, and braces are counted."""
+    lines = "".join(f'    - "{"${A:+" * 19}{text}{"}" * 19}"\n' for _ in range(100))
+    try:
+        normal = read(tmp_path, f"services:\n  a:\n    image: x\n    command:\n{lines}")
+    except Refused as error:
+        assert "braces" in str(error.problems[0])
+    else:
+        assert normal.document["services"]["a"]["command"] == [""] * 100
+
+
+def test_blanks_in_a_file_of_variables(tmp_path: Path) -> None:
+    """It takes a fifth of what is allowed here."""
+    text = f"A={' ' * 3_900_000}#x\nB{' ' * 3_900_000}=1\n"
+    assert bounded(lambda: "services" in read(tmp_path, SERVICE, _env=text).document, cpu_s=0.5)
+
+
+@pytest.mark.parametrize(
+    ("text", "most"),
+    [
+        ("A='x'" * 1_000_000, "variables"),
+        ('A="' + '\\"' * 3_000_000 + '"', "backslashes"),
+        ("#\n" * 3_000_000, "lines"),
+    ],
+)
+def test_many_variables_and_escapes_in_one_line(tmp_path: Path, text: str, most: str) -> None:
+    assert f"more than {most}" in re.sub(r"\d+ ", "", bounded(lambda: refusal(tmp_path, SERVICE, _env=text)))
