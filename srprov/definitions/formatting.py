@@ -25,6 +25,8 @@ from srprov.yamldoc.canonical import canonical
 from srprov.yamldoc.nodes import Map
 
 KINDS = ("edf", "cdf")
+MOST_LINES = 100_000
+"""Of a file: where comments and empty lines go is decided one by one."""
 
 
 class Place(msgspec.Struct, frozen=True):
@@ -65,7 +67,7 @@ def formatted(place: Place) -> Formatted:
             Location(path), "is neither an EDF nor a CDF", hint="name it .edf or .cdf", code=Code.WRONG_KIND
         )
         raise DefinitionError([problem])
-    text = loader.read_text(place.real, path, MOST_BYTES, real=True)
+    text = _read(place)
     return Formatted(path=path, real=place.real, before=text, after=_text(text, path, kind))
 
 
@@ -89,16 +91,29 @@ def _kind(place: Place) -> str:
     named = kind_by_name(path)
     if named or is_dockerfile(path):
         return named
-    root = loader.parse(loader.read_text(place.real, path, MOST_BYTES, real=True), path)
+    root = loader.parse(_read(place), path)
     return next((kind for kind in KINDS if isinstance(root, Map) and kind in root.entries), "")
+
+
+def _read(place: Place) -> str:
+    text = loader.read_text(place.real, place.path, MOST_BYTES, real=True)
+    _check_lines(text, place.path)
+    return text
+
+
+def _check_lines(text: str, name: str) -> None:
+    if text.count("\n") + text.count("\r") - text.count("\r\n") > MOST_LINES:
+        why = f"has more than {MOST_LINES} lines, and is left as it is"
+        raise DefinitionError([Diagnostic(Location(name), why, code=Code.TOO_LARGE)])
 
 
 def formatted_text(text: str, name: str) -> str:
     """Return the text of an EDF or CDF in its form; its keys tell which of them it is.
 
     Raises:
-        DefinitionError: It is no YAML, or cannot be brought into form.
+        DefinitionError: It is no YAML, has too many lines, or cannot be brought into form.
     """
+    _check_lines(text, name)
     root = loader.parse(text, name)
     return _text(text, name, "cdf" if isinstance(root, Map) and "cdf" in root.entries else "edf")
 

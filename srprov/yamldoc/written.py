@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -75,26 +76,27 @@ def split(text: str) -> list[str]:
 def found_comments(lines: list[str], scalars: list[Any]) -> Iterator[tuple[int, tuple[int, str]]]:
     """Return each comment's line, column and words: a `#` that is in no scalar."""
     taken: dict[int, list[tuple[int, int]]] = {}
+    signs = [number for number, line in enumerate(lines) if "#" in line]
     for one in scalars:
         start, end = one.start_mark, one.end_mark
-        if one.style in ("|", ">"):
-            header = BLOCK_HEADER.match(lines[start.line], start.column)
-            taken.setdefault(start.line, []).append((start.column, header.end() if header else start.column))
-            for number in range(start.line + 1, end.line):
-                taken.setdefault(number, []).append((0, len(lines[number])))
-            continue
-        for number in range(start.line, end.line + 1):
+        block = one.style in ("|", ">")
+        header = BLOCK_HEADER.match(lines[start.line], start.column) if block else None
+        # what stands where a block scalar ends is no part of it
+        for number in signs[bisect_left(signs, start.line) : bisect_left(signs, end.line + (not block))]:
             first = start.column if number == start.line else 0
             last = end.column if number == end.line else len(lines[number])
+            if block and number == start.line:
+                last = header.end() if header else first
             taken.setdefault(number, []).append((first, last))
-    for number, line in enumerate(lines):
-        if "#" not in line:
-            continue
+    for number in signs:
+        line = lines[number]
         spans = iter(taken.get(number, ()))  # in their order, as they stand in the line
         first, last = next(spans, (len(line), 0))
-        for found in re.finditer("#", line):
-            while first < len(line) and last <= found.start():
+        at = line.find("#")
+        while at >= 0:
+            while first < len(line) and last <= at:
                 first, last = next(spans, (len(line), 0))
-            if found.start() < first:
-                yield number, (found.start(), line[found.start() :].rstrip())
+            if at < first:
+                yield number, (at, line[at:].rstrip())
                 break
+            at = line.find("#", last)

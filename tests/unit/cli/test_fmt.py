@@ -313,3 +313,36 @@ def test_a_stranger_s_file_is_brought_into_form_in_time(
 ) -> None:
     (here / "e.edf").write_text(LARGE[case])
     assert bounded(lambda: run(["fmt", "--check", "e.edf"]), cpu_s=4.0) in (0, 2, 5)
+
+
+HEAD = "edf: 1\nname: a\nservices: {a: {image: b}}\n"
+LINES = {
+    "comments": "# c\n" * 400_000 + HEAD,
+    "empty lines": HEAD + "\n" * 1_900_000 + "x-a: 1\n",
+    "a long text": f"{HEAD}x-a: |\n" + "  #a: b\n" * 200_000,
+    "ends of old Macs": "# c\r" * 400_000 + HEAD,
+}
+
+
+@pytest.mark.parametrize("case", LINES)
+def test_more_lines_than_anybody_writes_are_refused(here: Path, case: str) -> None:
+    for name in ("e.edf", "e.yml"):
+        (here / name).write_text(LINES[case])
+        assert bounded(lambda name=name: run(["fmt", name])) == 5
+        assert (here / name).read_bytes() == LINES[case].encode()
+
+
+def test_the_most_lines_are_brought_into_form_in_time(here: Path) -> None:
+    (here / "e.edf").write_text("#c\n" * 99_000 + HEAD)
+    assert bounded(lambda: run(["fmt", "--check", "e.edf"])) == 2
+
+
+def test_a_text_of_signs_between_others_is_no_comment(here: Path) -> None:
+    text = HEAD + "x-a: '#' # one\nx-b: |\n  # no\n\n  # comment\nx-c: [\"#\", '# #'] # two\n"
+    (here / "e.edf").write_text(text)
+    assert run(["fmt", "e.edf"]) == 0
+    assert [line for line in (here / "e.edf").read_text().splitlines() if line.startswith("x-")] == [
+        'x-a: "#" # one',
+        "x-b: |",
+        'x-c: ["#", "# #"] # two',
+    ]
