@@ -35,7 +35,7 @@ from srprov.yamldoc import writer
 EDF = "experiment.edf"
 REPORT = "import-report.md"
 _MOST_BYTES = 96 * regular_file.MIB
-_MOST_FILES = 20_000
+_MOST_ENTRIES = 20_000
 _DEEPEST = 50
 """Folders in each other that are copied."""
 
@@ -135,7 +135,8 @@ class _Copying:
         self.homes: dict[str, str] = {}
         """Where a folder of the files is in the tree -> a link that lies in it, as it is called here."""
         self.bytes = 0
-        self.files = 0
+        self.entries = 0
+        """Files, folders and links."""
 
     def take(self, source: str, place: str) -> None:
         """Copy a file, or a folder with all below it, to its place in the tree.
@@ -148,6 +149,7 @@ class _Copying:
         if os.path.isdir(source):
             if place.count("/") > _DEEPEST:
                 raise OSError(errno.ELOOP, f"more than {_DEEPEST} folders lie in each other", source)
+            self._count()
             self.tree.make(place)
             for entry in sorted(os.listdir(source)):
                 inner = os.path.join(source, entry)
@@ -159,6 +161,7 @@ class _Copying:
     def _entry(self, source: str, place: str) -> None:
         about = os.lstat(source)
         if stat.S_ISLNK(about.st_mode):
+            self._count()
             self.links[place] = os.readlink(source)
             above = os.path.dirname(source)
             home = os.path.relpath(self._own_folder(source), above)
@@ -166,6 +169,16 @@ class _Copying:
             self.tree.link(place, self.links[place])
         else:
             self.take(source, place)
+
+    def _count(self) -> None:
+        """Count what would be made, before it is.
+
+        Raises:
+            OSError: It is too much.
+        """
+        self.entries += 1
+        if self.entries > _MOST_ENTRIES:
+            raise OSError(0, f"more than {_MOST_ENTRIES} files, folders and links would be copied")
 
     def check_links(self) -> None:
         """Refuse a link out of the innermost folder of a file, where there are several: to what another one names.
@@ -188,9 +201,7 @@ class _Copying:
                 raise UsageError(f"nothing is written: {words}", hint=hint, code=Code.OUTSIDE)
 
     def _file(self, source: str, place: str) -> None:
-        self.files += 1
-        if self.files > _MOST_FILES:
-            raise OSError(0, f"more than {_MOST_FILES} files would be copied")
+        self._count()
         content, about = regular_file.read_with_status(source, _MOST_BYTES, real=True)
         known = (about.st_dev, about.st_ino)
         if known in self.known:  # the same file as one that is never copied

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from srprov.conversion import report
+from srprov.conversion import folder, report
 from srprov.conversion.folder import check_target, write
 from srprov.conversion.tree import Tree
 from srprov.definitions import load_experiment
@@ -280,3 +280,21 @@ def test_two_configs_of_one_file_name_are_two_files(stack: Path) -> None:
     out = made(stack, services, configs=every)
     texts = {one.name: one.read_text() for one in (out / "written/configs").iterdir()}
     assert texts == {"a-b-2": "a b-2", "a-b": "a b", "a-b-3": "a?b"}
+
+
+@pytest.mark.parametrize("kind", ["links", "folders"])
+def test_links_and_folders_count_before_they_are_made(stack: Path, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(folder, "_MOST_ENTRIES", 100)
+    (stack / "m").mkdir()
+    for number in range(200):
+        one = stack / "m" / f"{number:03}"
+        one.symlink_to("x") if kind == "links" else one.mkdir()
+    made_here: list[str] = []
+    for name in ("make", "link"):
+        way = getattr(Tree, name)
+        monkeypatch.setattr(Tree, name, lambda *of, way=way: (made_here.append(of[1]), way(*of))[1])
+    mounts = {"volumes": [{"type": "bind", "source": "./m", "target": "/m", "read_only": True}]}
+    with pytest.raises(UsageError, match="more than 100 files, folders and links"):
+        made(stack, {"a": {**IMAGE, **mounts}})
+    assert 0 < len(made_here) <= 100
+    assert left(stack.parent) == ["stack"]
