@@ -99,7 +99,7 @@ class Mounting(msgspec.Struct, frozen=True, kw_only=True):
         if alone:
             items[0]["path"] = posixpath.basename(target)
         said = repr((sorted(text.items()), sorted(binary.items()), items))
-        name = f"files-{_hash(said)}"
+        name = f"files-{hashed(said)}"
         made = {
             "apiVersion": "v1",
             "kind": "ConfigMap",
@@ -133,7 +133,7 @@ def secret_name(source: str) -> str:
     """Return the name of a Secret: names of the EDF may have letters that Kubernetes does not take."""
     plain = re.sub(r"[^a-z0-9-]", "-", source.lower()).strip("-")
     same = plain == source
-    return f"secret-{plain}" if same else f"secret-{plain}-{_hash(source)}"
+    return f"secret-{plain}" if same else f"secret-{plain}-{hashed(source)}"
 
 
 def _folder(path: str, kind: str, mount: Mount) -> Mounted:
@@ -157,9 +157,9 @@ def _memory(target: str, size: str) -> Mounted:
 
 def _name(kind: str, of: str) -> str:
     """Return the name of a pod's volume: a DNS label."""
-    return f"{kind}-{_hash(of)}"
+    return f"{kind}-{hashed(of)}"
 
 
-def _hash(text: str) -> str:
+def hashed(text: str) -> str:
     """Return 128 bits: with fewer, who writes an EDF finds two paths of one name, and one is mounted for the other."""
     return hashlib.sha256(text.encode()).hexdigest()[:32]

@@ -6,8 +6,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from srprov.definitions.model import Service
+from srprov.exporting.kubernetes_files import hashed
 
 _API = "networking.k8s.io/v1"
+_LONGEST_LABEL = 63
 
 
 def services_of(services: Mapping[str, Service]) -> Iterator[dict[str, Any]]:
@@ -48,10 +50,16 @@ def policies(services: Mapping[str, Service]) -> Iterator[dict[str, Any]]:
         if one.runtime.ports and one.network not in ("none", "host"):
             ports = [{"protocol": protocol.upper(), "port": port} for _, _, port, protocol in one.runtime.ports]
             chosen = {"matchLabels": {"srprov.service": name}}
-            yield _policy(f"ports-{name}"[:63], chosen, {"policyTypes": ["Ingress"], "ingress": [{"ports": ports}]})
+            yield _policy(_name(name), chosen, {"policyTypes": ["Ingress"], "ingress": [{"ports": ports}]})
     if any(one.network == "none" for one in services.values()):
         chosen = {"matchLabels": {"srprov.network": "none"}}
         yield _policy("no-network", chosen, {"policyTypes": ["Ingress", "Egress"]})
+
+
+def _name(service: str) -> str:
+    """Return the name of what lets others in to a service, which no other one has: a DNS label."""
+    name = f"ports-{service}"
+    return name if len(name) <= _LONGEST_LABEL else f"open-{hashed(service)}"
 
 
 def _policy(name: str, chosen: Mapping[str, Any], rules: Mapping[str, Any]) -> dict[str, Any]:

@@ -155,6 +155,16 @@ def test_policies_keep_others_out_and_published_ports_open(tmp_path: Path) -> No
     assert [one["metadata"]["name"] for one in made if one["kind"] == "Service"] == ["a"]
 
 
+def test_policies_of_services_with_long_names_have_names_of_their_own(tmp_path: Path) -> None:
+    for names in (("a" * 57 + "1", "a" * 57 + "2"), ("a" * 56 + "-1", "a" * 56 + "-2"), ("a" * 57, "a" * 63)):
+        text = "services:\n" + "".join(f"  {name}: {{image: x, ports: ['80:80']}}\n" for name in names)
+        made = documents(on_cluster("kubernetes", experiment(tmp_path, text)), "00-namespace.yaml")
+        ports = [one for one in made if one["kind"] == "NetworkPolicy" and "ports" in one["spec"]["ingress"][0]]
+        chosen = {one["metadata"]["name"]: one["spec"]["podSelector"]["matchLabels"]["srprov.service"] for one in ports}
+        assert sorted(chosen.values()) == sorted(names)
+        assert all(re.fullmatch("[a-z0-9][a-z0-9-]{0,61}[a-z0-9]", name) for name in chosen)
+
+
 def test_replicas_are_pods_with_a_service_for_all_of_them(tmp_path: Path) -> None:
     edf = experiment(tmp_path, "services: {a: {image: x, replicas: 2}}")
     made = documents(on_cluster("kubernetes", edf, {"a-1": "r1", "a-2": "r2"}), "00-namespace.yaml")
