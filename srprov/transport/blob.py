@@ -16,11 +16,9 @@ from typing import BinaryIO
 
 import msgspec
 
-_MOST_CONTENT = 64 << 30
-"""Bytes of one content: what a few bytes can become when they are decompressed has no other limit."""
+from srprov.transport.gzip_reader import BeyondLimits, GzipReader
+
 _PIECE = 1 << 20
-_EMPTY = 1 << 20
-"""Bytes of gzip beyond what they become: its blocks may have nothing in them, and then have no end."""
 
 
 class WrongBlob(Exception):
@@ -110,20 +108,17 @@ def compared(digest: str, path: Path, pieces: Iterable[bytes]) -> Blob:
     Raises:
         WrongBlob: It is not one gzip file, or not of that content.
     """
-    inside, outside, unpacker = Hash(), Hash(), zlib.decompressobj(wbits=31)
+    inside, outside, reader = Hash(), Hash(), GzipReader()
     try:
         for arrived in pieces:
-            piece = outside.update(arrived)
-            if unpacker.eof:
-                raise WrongBlob(f"{digest}: something follows the compressed content")
-            for content in _unpacked(unpacker, piece):
+            for content in reader.unpacked(outside.update(arrived)):
                 inside.update(content)
-                if inside.size > _MOST_CONTENT:
-                    raise WrongBlob(f"{digest}: it holds more than {_MOST_CONTENT >> 30} GiB")
+    except BeyondLimits as error:
+        raise WrongBlob(f"{digest}: {error}") from error
     except zlib.error as error:
         raise WrongBlob(f"{digest}: it is not compressed by gzip ({error})") from error
-    if not unpacker.eof or unpacker.unused_data or inside.digest != digest:
-        raise WrongBlob(f"{digest}: what came is {inside.digest if unpacker.eof else 'cut off'}")
+    if not reader.ended or reader.followed or inside.digest != digest:
+        raise WrongBlob(f"{digest}: what came is {inside.digest if reader.ended else 'cut off'}")
     return Blob(digest, path, outside.size, inside.size, outside.digest)
 
 
@@ -131,22 +126,8 @@ def inflated(pieces: Iterable[bytes]) -> Iterator[bytes]:
     """Yield what gzip's pieces become, in pieces of at most 1 MiB.
 
     Raises:
-        zlib.error: They are not one gzip file, or hold next to nothing.
+        zlib.error: They are not one gzip file, or hold too much, or next to nothing.
     """
-    unpacker, came, given = zlib.decompressobj(wbits=31), 0, 0
+    reader = GzipReader()
     for piece in pieces:
-        if unpacker.eof:  # zlib would keep all that follows
-            raise zlib.error("something follows the compressed content")
-        came += len(piece)
-        for content in _unpacked(unpacker, piece):
-            given += len(content)
-            yield content
-        if came > given + given // 8 + _EMPTY:
-            raise zlib.error("it holds next to nothing")
-
-
-def _unpacked(unpacker: zlib._Decompress, piece: bytes) -> Iterator[bytes]:
-    """Yield what a piece becomes, however much that is, in pieces of at most 1 MiB."""
-    while content := unpacker.decompress(piece, _PIECE):
-        yield content
-        piece = unpacker.unconsumed_tail
+        yield from reader.unpacked(piece)

@@ -18,6 +18,7 @@ from collections.abc import Collection, Iterator
 from typing import Any, NamedTuple
 
 from srprov.layers import Image, read_config
+from srprov.transport.gzip_reader import BeyondLimits
 from srprov.transport.image_proof import Proof
 from srprov.transport.tar_stream import TarError, TarStream
 from srprov.transport.tar_write import tar_file
@@ -59,7 +60,7 @@ def only(
         wanted: The layers that it must have; None where nobody knows any.
 
     Raises:
-        ForeignImage: The archive is broken, or does not hold that image.
+        ForeignImage: The archive is broken, or does not hold that image, or what it has packed goes beyond limits.
     """
     listed: bytes | None = None
     small: dict[str, bytes] = {}
@@ -78,6 +79,8 @@ def only(
                 yield from _passed_on(archive, member, name, small, proof)
     except (TarError, UnicodeError) as error:
         raise ForeignImage(f"what comes is no archive of an image: {error}") from error
+    except BeyondLimits as error:
+        raise ForeignImage(f"what its archive has packed is no layer: {error}") from error
     entry = _entry(listed, image, names - {_LIST, *_OTHER_LISTS})
     if ids and not any(_leads_to(one, small.get(entry["Config"]), small.values()) for one in ids):
         raise ForeignImage(f"it gives another image under {image} than the one that was built")

@@ -10,7 +10,7 @@ import hashlib
 import zlib
 from collections.abc import Iterable, Iterator
 
-_PIECE = 1 << 20
+from srprov.transport.gzip_reader import BeyondLimits, GzipReader, Measure
 
 
 class Proof:
@@ -20,10 +20,16 @@ class Proof:
         """Have seen nothing."""
         self.seen: set[str] = set()
         """`sha256:…` of each."""
+        self._measure = Measure()
+        """Of all that is packed: an archive that is not holds no more either."""
 
     def of(self, pieces: Iterable[bytes]) -> Iterator[bytes]:
-        """Pass on one content, and know it at its end."""
-        outside, inside = hashlib.sha256(), _Unpacked()
+        """Pass on one content, and know it at its end.
+
+        Raises:
+            BeyondLimits: What is packed holds more than any image, or next to nothing.
+        """
+        outside, inside = hashlib.sha256(), _Unpacked(self._measure)
         for piece in pieces:
             outside.update(piece)
             inside.update(piece)
@@ -32,24 +38,24 @@ class Proof:
 
 
 class _Unpacked:
-    """The digest of what a gzip file holds; a mebibyte of it is in memory at a time."""
+    """The digest of what a gzip file holds, which may have several members; a mebibyte of it is in memory at a time."""
 
-    def __init__(self) -> None:
+    def __init__(self, measure: Measure) -> None:
         self._made = hashlib.sha256()
-        self._reader: zlib._Decompress | None = zlib.decompressobj(wbits=31)
+        self._reader: GzipReader | None = GzipReader(measure, several=True)
 
     def update(self, piece: bytes) -> None:
         """Take a piece of the file."""
-        while piece and self._reader is not None:
-            if self._reader.eof:  # a file may have several members
-                self._reader = zlib.decompressobj(wbits=31)
-            try:
-                self._made.update(self._reader.decompress(piece, _PIECE))
-            except zlib.error:
-                self._reader = None
-                return
-            piece = self._reader.unconsumed_tail or self._reader.unused_data
+        if self._reader is None:
+            return
+        try:
+            for content in self._reader.unpacked(piece):
+                self._made.update(content)
+        except BeyondLimits:
+            raise
+        except zlib.error:
+            self._reader = None
 
     def digest(self) -> Iterable[str]:
         """Return the digest of all that it held, or nothing."""
-        return [f"sha256:{self._made.hexdigest()}"] if self._reader is not None and self._reader.eof else []
+        return [f"sha256:{self._made.hexdigest()}"] if self._reader is not None and self._reader.ended else []
