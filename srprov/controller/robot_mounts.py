@@ -36,7 +36,8 @@ class Mounts:
 
     def __init__(self, said: str) -> None:
         """Take what the robot says; lines that are none of a mount are passed over."""
-        found = [match.groups() for line in lines_of(said, _MOST_LINES) if (match := _MOUNT.fullmatch(line))]
+        lines = lines_of(said, _MOST_LINES + 1)
+        found = [match.groups() for line in lines[:_MOST_LINES] if (match := _MOUNT.fullmatch(line))]
         points = [point.rstrip("/") for *_, point, _ in map(_plain, found)]
         numbers = {number for number, *_ in found}
         self._on: dict[tuple[str, str], tuple[str, str, str]] = {}
@@ -58,7 +59,7 @@ class Mounts:
             for some in _LAYERS.findall(more) if " - overlay " in more else ():
                 layers = _plain(one for one in some.split(":") if one.startswith("/"))[:_MOST_LAYERS]
                 self._layers.setdefault(fs, {}).update(dict.fromkeys(one for one in layers if len(one) <= _LONGEST))
-        self._looks = 0
+        self._looks = 0 if len(lines) <= _MOST_LINES else _MOST_LOOKS  # what is mounted beyond may be any folder
 
     def places(self, real: str) -> set[str]:
         """Return a path's file system and its place in that, with a slash at its end; of an overlay its layers'."""

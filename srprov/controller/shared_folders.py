@@ -17,7 +17,7 @@ from srprov.wire import EngineQuery, Reply
 
 CONTAINERS = EngineQuery(path="/containers/json", params=(("all", "true"),))
 _MOST_MOUNTS = 1000
-"""Of a container."""
+"""Of a container that are paths of the robot; it may have any number of volumes beside them."""
 _MOST_CONTAINERS = 10_000
 
 
@@ -35,7 +35,10 @@ def shared(paths: Iterable[tuple[str, bool, Collection[str]]], reply: Reply, ins
     if wanted and not (reply.ok and isinstance(reply.json(), list)):
         yield "which other containers have the folders of new ones cannot be told"
         return
-    users = _users(mappings(reply.json(), most=_MOST_CONTAINERS), instance) if wanted else {}
+    items = mappings(reply.json(), most=_MOST_CONTAINERS + 1) if wanted else []
+    users, is_whole = _users(items[:_MOST_CONTAINERS], instance)
+    if not is_whole or len(items) > _MOST_CONTAINERS:
+        yield "which other containers have the folders of new ones cannot all be told: more is there than is looked at"
     known = sorted(users)
     for said, written, names in wanted:
         found = dict[str, bool]()
@@ -52,23 +55,28 @@ def shared(paths: Iterable[tuple[str, bool, Collection[str]]], reply: Reply, ins
 _WHY = {True: "they may run or believe what is written there", False: "what lies there may be theirs"}
 
 
-def _users(items: Iterable[object], instance: str) -> dict[str, dict[str, bool]]:
-    """Return path of the robot, with a slash at its end -> containers of others that mount it, and who writes."""
+def _users(items: Iterable[object], instance: str) -> tuple[dict[str, dict[str, bool]], bool]:
+    """Return path of the robot, with a slash at its end -> containers of others that mount it, and who writes.
+
+    And whether that is all.
+    """
     users: dict[str, dict[str, bool]] = {}
+    is_whole = True
     for item in map(mapping, items):
         labels = string_map(item.get("Labels"))
         if labels.get(INSTANCE) == instance:
             continue
         names = item.get("Names")
         name = string(names[0]).removeprefix("/") if isinstance(names, list) and names else string(item.get("Id"))[:12]
-        mounts = [one for one in mappings(item.get("Mounts"), most=_MOST_MOUNTS) if one.get("Type") == "bind"]
+        mounts = [one for one in mappings(item.get("Mounts")) if one.get("Type") == "bind"]
+        is_whole, mounts = is_whole and len(mounts) <= _MOST_MOUNTS, mounts[:_MOST_MOUNTS]
         led = led_of({"Mounts": mounts, "Config": {"Labels": labels}})
         for one in mounts:
             source = absolute(one.get("Source"))
             who = {text(name) or "without a name": one.get("RW") is not False}
             for path in {source, led.get(source, "")} - {""}:
                 _add(users.setdefault(f"{path.rstrip('/')}/", {}), who)
-    return users
+    return users, is_whole
 
 
 def _add(found: dict[str, bool], more: Mapping[str, bool]) -> None:

@@ -31,8 +31,7 @@ _PAUSE_S = 0.2
 _READY = b"srprov-ready\n"
 _ENDED = re.compile(rb"srprov-end ([0-9]{1,3})\s*\Z")
 _LONGEST_COMPLAINT = 16_384
-_MOST_MOUNTS = 1000
-"""Of a container; an EDF names no more."""
+_MOST_MOUNTS = 1000  # of a container: an EDF names no more, but images may
 
 
 class CollectFailed(Exception):
@@ -66,7 +65,7 @@ class Place(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def place_of(inspected: object, path: str) -> Place | None:
-    """Return where a container's path lies on its robot, by what the engine says of its mounts; None: in no mount."""
+    """Return where a container's path lies on its robot, by its engine's word; None: in no mount; or CollectFailed."""
     best: tuple[int, Mapping[str, Any], str] | None = None
     for mount in _mounts(inspected):
         target = string(mount.get("Destination")).rstrip("/")
@@ -79,7 +78,7 @@ def place_of(inspected: object, path: str) -> Place | None:
 def places_below(inspected: object, path: str) -> list[tuple[str, Place]]:
     """Return the mounts that lie in a container's folder, and may have been written to: where, relative to it.
 
-    What the folder itself lies in shows an empty folder at their places.
+    What the folder itself lies in shows an empty folder at their places. Raises CollectFailed.
     """
     found: dict[str, Place] = {}
     led = led_of(inspected)
@@ -97,7 +96,10 @@ def _placed(mount: Mapping[str, Any], path: str, led: Mapping[str, str]) -> Plac
 
 
 def _mounts(inspected: object) -> list[Mapping[str, Any]]:
-    return mappings(mapping(inspected).get("Mounts"), most=_MOST_MOUNTS)
+    every = mappings(mapping(inspected).get("Mounts"), most=_MOST_MOUNTS + 1)
+    if len(every) > _MOST_MOUNTS:  # in any order: of no path would be known that it lies in none
+        raise CollectFailed(f"it has more than {_MOST_MOUNTS} mounts: where its results lie cannot be told")
+    return every
 
 
 def listings(robot: Robot, places: Sequence[Place]) -> list[list[Entry] | None]:

@@ -84,6 +84,8 @@ class FolderFiles:
         self._session, self._container, self._about = session, container, found
         if found.remapped:
             raise self._refused("/", "its users have other numbers on the robot", _UPDATE)
+        if found.too_many:
+            raise self._refused("/", "it has more mounts than are looked at", _UPDATE)
         self._view = container_view.view(found, self._asked("/", container_view.sources_script(found)))
         self._view = self._settled(self._view)
 

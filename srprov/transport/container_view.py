@@ -27,6 +27,7 @@ _SRPROVS = ("/var/lib/srprov/", "/run/srprov/")
 """Below which srprov keeps what containers read alone: trees, data sets and secrets."""
 _AT_REST = ("created", "exited", "dead")
 _MOST_MOUNTS = 1000
+"""Of a container: an EDF names no more, but images may."""
 _REMAPPED = re.compile(r"/[0-9]+\.[0-9]+/containers/", re.ASCII)
 """Where an engine that remaps users keeps its containers."""
 _ESCAPED = re.compile(rb"\\([0-7]{3})")
@@ -51,6 +52,8 @@ class About(msgspec.Struct, frozen=True, kw_only=True):
     read_only: bool = False
     remapped: bool = False
     """Its users have other numbers on the robot."""
+    too_many: bool = False
+    """It has more mounts than are looked at, which an engine lists in any order: none is known not to be there."""
 
 
 class Part(msgspec.Struct, frozen=True, kw_only=True):
@@ -98,6 +101,7 @@ def within(path: str, above: str) -> bool:
 def about(inspected: object) -> About:
     """Return what an engine says of a container."""
     found = mapping(inspected)
+    every = mappings(found.get("Mounts"), most=_MOST_MOUNTS + 1)
     graph, paths = mapping(found.get("GraphDriver")), {at: absolute(found.get(key)) for at, key in _OWN_FILES.items()}
     mounts = [
         Mount(
@@ -106,7 +110,7 @@ def about(inspected: object) -> About:
             volume=string(one.get("Name")) if one.get("Type") == "volume" else "",
             writable=one.get("RW") is not False,
         )
-        for one in mappings(found.get("Mounts"), most=_MOST_MOUNTS)
+        for one in every[:_MOST_MOUNTS]
         if (at := _place(string(one.get("Destination")))) and (source := absolute(one.get("Source")))
     ]
     taken = {one.at for one in mounts}
@@ -117,6 +121,7 @@ def about(inspected: object) -> About:
         merged=absolute(mapping(graph.get("Data")).get("MergedDir")) if graph.get("Name") == "overlay2" else "",
         read_only=mapping(found.get("HostConfig")).get("ReadonlyRootfs") is True,
         remapped=any(_REMAPPED.search(path) for path in paths.values()),
+        too_many=len(every) > _MOST_MOUNTS,
     )
 
 
@@ -126,9 +131,9 @@ def _place(destination: str) -> str:
 
 
 def has_paths(one: About) -> bool:
-    """Return whether a container has a path of the robot's, of which nobody knows who else has it."""
+    """Return whether a container has, or may have, a path of the robot's, of which nobody knows who else has it."""
     given = [mount for mount in one.mounts if mount.at not in _OWN_FILES and not mount.source.startswith(_SRPROVS)]
-    return not all(mount.volume for mount in given)
+    return one.too_many or not all(mount.volume for mount in given)
 
 
 def sources_script(one: About) -> str:

@@ -12,6 +12,7 @@ import pytest
 from srprov.controller.other_names import USED, other_names, places_of_root, used
 from srprov.controller.robot_mounts import Mounts
 from srprov.definitions.containermodel import Mount
+from srprov.robot_answers import TooManyError
 from tests.bounded import bounded
 from tests.fakes import World
 from tests.worlds import experiment, plan_for, service
@@ -173,3 +174,12 @@ def test_places_that_are_too_many_are_not_left_out_in_silence(tmp_path: Path) ->
     done = subprocess.run(["sh", "-c", places_of_root(str(tmp_path))], capture_output=True, text=True, check=True)
     assert said(ROOT, "/data/zz", *used(done.stdout)) == [f"/data/zz is, holds or lies in /data/zz: {WRITTEN}"]
     assert "?" in used("/a\n" * 10_001) and "?" not in used("/a\n" * 9_999)
+
+
+def test_mounts_that_are_not_read_are_not_left_out_in_silence() -> None:
+    many = "\n".join(f"{n} 1 0:{n} / /m/{n} rw - tmpfs t rw" for n in range(2, 100_002))
+    last = "\n200000 1 8:1 /etc /srv/x rw - ext4 /dev/sda1 rw"
+    (line,) = said(many + last, "/srv/x")
+    assert line.endswith("more is mounted there than can be looked through: what else it is is not known")
+    with pytest.raises(TooManyError):
+        Mounts(many + last).writable_below("/srv")

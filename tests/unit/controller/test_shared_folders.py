@@ -57,6 +57,19 @@ def test_an_engine_that_does_not_say_is_told_of_and_odd_ones_count_for_nothing()
     assert said("/srv/ws", *odd) == []
 
 
+MORE = "which other containers have the folders of new ones cannot all be told: more is there than is looked at"
+
+
+def test_volumes_do_not_hide_a_folder_and_what_is_not_looked_at_is_told_of() -> None:
+    """An image has as many volumes as it likes, and an engine lists them in any order."""
+    own = container("own", "/srv/ws")
+    own["Mounts"] = [{"Type": "volume", "Source": f"/v/{n}", "RW": True} for n in range(1100)] + own["Mounts"]
+    assert said("/srv/ws", own) == [f"it is had by the container own {RUN}"]
+    many = container("many", *(f"/data/{n}" for n in range(1001)))
+    assert said("/srv/ws", many, own) == [MORE, f"it is had by the container own {RUN}"]
+    assert said("/srv/ws", *(container(f"c{n}", "/data") for n in range(10_001))) == [MORE]
+
+
 def test_thousands_of_each_are_told_in_time() -> None:
     many = [container(f"c{n}", *(f"/data/{n}/{m}" for m in range(50))) for n in range(1000)]
     reply = Reply(status=200, out=json.dumps(many))

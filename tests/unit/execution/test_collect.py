@@ -335,8 +335,9 @@ def test_a_container_of_more_mounts_than_it_can_have_is_read_in_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An engine that lies names 65,000, each of which hides what lies below it of all others: minutes for nothing."""
-    mounts = {"Mounts": [{"Destination": f"/out/{number}", "Source": "/"} for number in range(65_000)]}
-    mounts["Mounts"].insert(0, {"Destination": "/out", "Source": "/v"})
+    every = [{"Destination": "/out", "Source": "/v"}]
+    every += [{"Destination": f"/out/{number}", "Source": "/"} for number in range(65_000)]
+    mounts = {"Mounts": every[:1000]}
     there = [Entry(path=f"{number}/a", kind="f", sha256="0" * 64) for number in range(10_000)]
     monkeypatch.setattr(
         results, "listings", lambda _robot, places: [sorted(there) if one.root == "/v" else [] for one in places]
@@ -348,6 +349,9 @@ def test_a_container_of_more_mounts_than_it_can_have_is_read_in_time(
         return len(found[Result(path="/out")])
 
     assert bounded(bring) == 9_001
+    mounts["Mounts"] = every
+    with pytest.raises(CollectFailed, match="more than 1000 mounts"):
+        bounded(bring)
 
 
 class Nothing:
@@ -564,6 +568,16 @@ def test_where_a_containers_path_lies(path: str, expected: Place | None) -> None
     mounts = [{"Destination": "/out", "Source": "/v/1"}, {"Destination": "/out/deep/", "Source": "/v/2"}, 3, {}]
     assert place_of({"Mounts": mounts}, path) == expected
     assert place_of({"Mounts": "x"}, path) is None
+
+
+def test_of_more_mounts_than_are_looked_at_none_is_known_not_to_be_there() -> None:
+    """An image may add volumes to those of the EDF, and an engine lists them in any order."""
+    volumes = [{"Type": "volume", "Destination": f"/v/{n}", "Source": f"/s/{n}"} for n in range(1000)]
+    out = {"Type": "bind", "Destination": "/out", "Source": "/srv/data"}
+    assert place_of({"Mounts": [*volumes[1:], out]}, "/out") == Place(root="/srv/data", path=".")
+    for look in (place_of, places_below):
+        with pytest.raises(CollectFailed, match="more than 1000 mounts: where its results lie cannot be told"):
+            look({"Mounts": [*volumes, out]}, "/out")
 
 
 def test_a_robot_s_own_path_is_read_where_it_led_when_the_container_was_made() -> None:

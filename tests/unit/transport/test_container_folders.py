@@ -270,6 +270,14 @@ CHOICES: dict[str, tuple[Callable[[World], object], str, str]] = {
         lambda w: (w.inspected["Mounts"][1].update(Source="/run/srprov/x/key"), setattr(w, "status", "exited")),
         "/w", ""),
     "it does not run, and has a bind": (lambda w: setattr(w, "status", "exited"), "/w", "it does not run, and others"),
+    "it does not run, and has a bind behind more volumes than are looked at": (
+        lambda w: (
+            setattr(w, "status", "exited"),
+            w.inspected.update(Mounts=[
+                *({**w.inspected["Mounts"][0], "Destination": f"/v/{n}"} for n in range(1100)),
+                w.inspected["Mounts"][1],
+            ])),
+        "/w", "it has more mounts than are looked at"),
     "it restarts": (lambda w: setattr(w, "status", "restarting"), "/data", "folder"),
     "another store": (lambda w: w.inspected.update(GraphDriver=None), "/w", "have no folder on the robot"),
     "another store, in the volume": (lambda w: w.inspected.update(GraphDriver=None), "/data", "folder"),
