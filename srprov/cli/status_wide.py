@@ -23,9 +23,13 @@ def wide_columns(row: Mapping[str, Any]) -> dict[str, str]:
         "exit": "" if wide["exit_code"] is None else str(wide["exit_code"]),
         "restarts": str(wide["restarts"] or ""),
         "since": wide["ended"] or wide["started"] or "",
-        "ports": " ".join(_port(port) for port in wide["ports"]),
-        "volumes": " ".join(_volume(volume) for volume in wide["volumes"]),
+        "ports": " ".join([*map(_port, wide["ports"]), *_more(wide, "ports")]),
+        "volumes": " ".join([*map(_volume, wide["volumes"]), *_more(wide, "volumes")]),
     }
+
+
+def _more(wide: Mapping[str, Any], what: str) -> list[str]:
+    return [f"and {wide[f'{what}_left_out']} more"] if f"{what}_left_out" in wide else []
 
 
 def _port(port: Mapping[str, Any]) -> str:

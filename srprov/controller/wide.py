@@ -9,7 +9,6 @@ from __future__ import annotations
 import datetime as dt
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from operator import itemgetter
 from typing import Any
 
 from srprov.errors import TransportError
@@ -18,7 +17,7 @@ from srprov.untrusted import integer, mapping, mappings, string, text
 from srprov.wire import EngineQuery
 
 _MOST = 200
-"""Ports or mounts that are told of one container."""
+"""Ports or mounts that are told of one container; of more their number."""
 _UNKNOWN: Mapping[str, Any] = {
     "container": "", "state": "", "exit_code": None, "restarts": None, "started": None, "ended": None, "ports": [],
     "volumes": [],
@@ -67,6 +66,10 @@ def _read(robot: str, ids: Sequence[str], session: Session) -> dict[tuple[str, s
 def _container(body: Mapping[str, Any]) -> dict[str, Any]:
     """Read what an engine says of one container when it is inspected."""
     state = mapping(body.get("State"))
+    ports = _ports(mapping(mapping(body.get("NetworkSettings")).get("Ports")))
+    # An engine lists mounts in another order each time.
+    mounts = sorted(mappings(body.get("Mounts")), key=lambda one: string(one.get("Destination")))
+    left_out = {"ports": len(ports) - _MOST, "volumes": len(mounts) - _MOST}
     status = text(state.get("Status"), length=20)
     return {
         "container": text(body.get("Name"), length=300).removeprefix("/"),
@@ -75,9 +78,9 @@ def _container(body: Mapping[str, Any]) -> dict[str, Any]:
         "restarts": integer(body.get("RestartCount")),
         "started": _moment(state.get("StartedAt")),
         "ended": _moment(state.get("FinishedAt")) if status in ("exited", "dead") else None,
-        "ports": _ports(mapping(mapping(body.get("NetworkSettings")).get("Ports"))),
-        # An engine lists mounts in another order each time.
-        "volumes": sorted((_mount(one) for one in mappings(body.get("Mounts"), most=_MOST)), key=itemgetter("target")),
+        "ports": ports[:_MOST],
+        "volumes": [_mount(one) for one in mounts[:_MOST]],
+        **{f"{what}_left_out": count for what, count in left_out.items() if count > 0},
     }
 
 
@@ -92,16 +95,16 @@ def _moment(said: object) -> str | None:
 
 def _ports(published: Mapping[str, Any]) -> list[dict[str, Any]]:
     found = []
-    for name, ends in sorted(published.items())[:_MOST]:
+    for name, ends in sorted(published.items()):
         port, _, protocol = name.partition("/")
         if not (port.isascii() and port.isdecimal() and len(port) <= 5 and protocol in ("tcp", "udp", "sctp")):
             continue
-        for end in mappings(ends, most=_MOST):
+        for end in mappings(ends):
             at = string(end.get("HostPort"))
             outside = int(at) if at.isascii() and at.isdecimal() and len(at) <= 5 else None
             one = {"port": int(port), "protocol": protocol, "robot_port": outside}
             found.append({**one, "robot_address": text(end.get("HostIp"), length=60)})
-    return found[:_MOST]
+    return found
 
 
 def _mount(said: Mapping[str, Any]) -> dict[str, Any]:

@@ -102,6 +102,19 @@ def test_garbage_is_no_fact() -> None:
     assert len(rows(Robot(many))[0]["wide"]["volumes"]) == 200
 
 
+def test_what_is_left_out_is_counted() -> None:
+    """An engine lists mounts in any order: which were shown was chance, and that there are more was not told."""
+    volumes = [{"Type": "volume", "Name": "v", "Source": "/v", "Destination": f"/v/{n}"} for n in range(300)]
+    ports = {f"{port}/udp": [{"HostIp": "0.0.0.0", "HostPort": f"{port}"}] for port in range(1000, 1201)}
+    bind = {"Type": "bind", "Source": "/srv/data", "Destination": "/out", "RW": True}
+    (row, _) = rows(Robot({**GOOD, "Mounts": [*volumes, bind], "NetworkSettings": {"Ports": ports}}))
+    wide, columns = row["wide"], wide_columns(row)
+    assert (wide["ports_left_out"], wide["volumes_left_out"], len(wide["volumes"])) == (1, 101, 200)
+    assert wide["volumes"][0]["target"] == "/out" and columns["volumes"].startswith("/srv/data:/out ")
+    assert columns["volumes"].endswith(" and 101 more") and columns["ports"].endswith(" and 1 more")
+    assert "volumes_left_out" not in rows(Robot(GOOD))[0]["wide"]
+
+
 def test_a_robot_that_is_lost_meanwhile_leaves_its_fields_empty() -> None:
     assert rows(Robot())[0]["wide"]["state"] == ""
 
