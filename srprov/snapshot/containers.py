@@ -17,7 +17,7 @@ from srprov.image_reference import parse_reference
 from srprov.snapshot.mounts import mount_fields
 from srprov.snapshot.notes import Notes
 from srprov.snapshot.secret_names import Give
-from srprov.snapshot.settings import MOST_ENTRIES, health_field, host_fields
+from srprov.snapshot.settings import MOST_ENTRIES, few, health_field, host_fields
 from srprov.snapshot.suspicion import masked, masked_words, secret_variable
 from srprov.untrusted import integer, mapping, string, string_map, strings, text
 
@@ -61,7 +61,8 @@ def service_of(
     network = _network(box, host, subject, notes)
     fields |= network | _process(config, own, subject, notes)
     if variables:
-        fields["environment"] = [f"{key}={value}" for key, value in sorted(variables.items())][:MOST_ENTRIES]
+        written = [f"{key}={value}" for key, value in sorted(variables.items())]
+        fields["environment"] = few(written, "variables", subject, notes)
     if secrets:
         fields["secrets"] = sorted(secrets)
     fields |= host_fields(host, runtime, subject, notes) | mount_fields(box, own, name, notes)
@@ -89,12 +90,15 @@ def _environment(
     plain: dict[str, str] = {}
     secrets: dict[str, str] = {}
     hidden: list[str] = []
-    for one in strings(config.get("Env"))[: 2 * MOST_ENTRIES]:
+    subject = f"container {name}"
+    for number, one in enumerate(one for one in strings(config.get("Env")) if one not in of_image):
         key, _, value = one.partition("=")
-        if one in of_image:
-            continue
-        subject = f"container {name}"
-        if not _VARIABLE.fullmatch(key) or len(value) > LONGEST_VALUE:
+        if number >= 2 * MOST_ENTRIES:
+            if number == 2 * MOST_ENTRIES:
+                notes.lost(subject, f"only {number} of its variables are captured")
+            if secret_variable(key, value) and len(value) <= LONGEST_VALUE:
+                hidden.append(value)  # it may stand in what is captured
+        elif not _VARIABLE.fullmatch(key) or len(value) > LONGEST_VALUE:
             notes.lost(subject, f"the variable {text(key, length=60)!r} has a name or length that an EDF does not take")
             if secret_variable(key, value) and len(value) <= LONGEST_VALUE:
                 hidden.append(value)
@@ -207,9 +211,9 @@ def _hostname(
 def _labels(config: Mapping[str, Any], own: Mapping[str, Any], subject: str, notes: Notes) -> dict[str, Any]:
     of_image = string_map(own.get("Labels"))
     found: dict[str, str] = {}
-    for key, value in sorted(string_map(config.get("Labels")).items())[:MOST_ENTRIES]:
-        if of_image.get(key) == value or key.startswith(_LABELS_OF_OTHERS):
-            continue
+    every = sorted(string_map(config.get("Labels")).items())
+    some = [one for one in every if of_image.get(one[0]) != one[1] and not one[0].startswith(_LABELS_OF_OTHERS)]
+    for key, value in few(some, "labels", subject, notes):
         if secret_variable(key, value) or masked(value) != value or len(key) + len(value) > LONGEST_VALUE:
             notes.secret(
                 subject, f"the label {text(key, length=60)} looks like a secret, or is too long: it is left out"

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from srprov.snapshot.notes import Notes
-from srprov.snapshot.settings import MOST_ENTRIES
+from srprov.snapshot.settings import few
 from srprov.untrusted import integer, mapping, mappings, string, string_map, text
 
 _ANONYMOUS = re.compile(r"[0-9a-f]{64}")
@@ -29,7 +29,7 @@ def mount_fields(box: Mapping[str, Any], own: Mapping[str, Any], service: str, n
     host = mapping(box.get("HostConfig"))
     volumes: list[dict[str, Any]] = []
     of_image = mapping(own.get("Volumes"))
-    for one in sorted(mappings(box.get("Mounts"), most=MOST_ENTRIES), key=lambda one: string(one.get("Destination"))):
+    for one in sorted(mappings(box.get("Mounts")), key=lambda one: string(one.get("Destination"))):
         kind, target = string(one.get("Type")), string(one.get("Destination"))
         if kind == "bind":
             volumes += _bind(one, target, subject, notes)
@@ -41,16 +41,15 @@ def mount_fields(box: Mapping[str, Any], own: Mapping[str, Any], service: str, n
             volumes.append(_volume(one, name, target, service, notes))
         elif kind != "tmpfs":
             notes.lost(subject, f"a mount of the kind {text(kind, length=40)} at {text(target, length=100)}")
-    found: dict[str, Any] = {"volumes": volumes} if volumes else {}
-    if tmpfs := _tmpfs(host):
+    found: dict[str, Any] = {"volumes": few(volumes, "volumes", subject, notes)} if volumes else {}
+    if tmpfs := few(_tmpfs(host), "tmpfs", subject, notes):
         found["tmpfs"] = tmpfs
     return found
 
 
 def volumes_there(box: Mapping[str, Any]) -> dict[str, str]:
     """Return path in a container -> what its robot calls the volume there, which may be no name of an experiment's."""
-    some = mappings(box.get("Mounts"), most=MOST_ENTRIES)
-    return {string(one.get("Destination")): string(one.get("Name")) for one in some}
+    return {string(one.get("Destination")): string(one.get("Name")) for one in mappings(box.get("Mounts"))}
 
 
 def _bind(one: Mapping[str, Any], target: str, subject: str, notes: Notes) -> list[dict[str, Any]]:
@@ -82,10 +81,10 @@ def _tmpfs(host: Mapping[str, Any]) -> list[str]:
     found = [
         f"{path}:{options}" if options else path for path, options in sorted(string_map(host.get("Tmpfs")).items())
     ]
-    for one in mappings(host.get("Mounts"), most=MOST_ENTRIES):
+    for one in mappings(host.get("Mounts")):
         if string(one.get("Type")) == "tmpfs":
             about = mapping(one.get("TmpfsOptions"))
             size, mode = integer(about.get("SizeBytes"), high=1 << 50), integer(about.get("Mode"), high=0o7777)
             options = ",".join([f"size={size}"] * bool(size) + [f"mode={mode:o}"] * bool(mode))
             found.append(string(one.get("Target")) + (f":{options}" if options else ""))
-    return found[:MOST_ENTRIES]
+    return found

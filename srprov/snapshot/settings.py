@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 from srprov.published import ALIKE, may_be_published_at
 from srprov.snapshot.notes import Notes
 from srprov.untrusted import integer, mapping, mappings, string, string_map, strings, text
 
+_T = TypeVar("_T")
 MOST_ENTRIES = 500
 _SHM = 64 << 20
 _NS = 1_000_000_000
@@ -41,11 +42,18 @@ _LISTS = {"CapAdd": "cap_add", "CapDrop": "cap_drop", "GroupAdd": "group_add", "
           "DeviceCgroupRules": "device_cgroup_rules"}  # fmt: skip
 
 
+def few(some: list[_T], what: str, subject: str, notes: Notes) -> list[_T]:
+    """Return the first of some things, and note where others are left out."""
+    if len(some) > MOST_ENTRIES:
+        notes.lost(subject, f"of its {what} only {MOST_ENTRIES} of {len(some)} are captured")
+    return some[:MOST_ENTRIES]
+
+
 def host_fields(host: Mapping[str, Any], runtime: str, subject: str, notes: Notes) -> dict[str, Any]:
     """Return the fields of a HostConfig; `runtime` is the engine's default one."""
     found: dict[str, Any] = {}
     for key, name in _LISTS.items():
-        if some := strings(host.get(key))[:MOST_ENTRIES]:
+        if some := few(strings(host.get(key)), name, subject, notes):
             found[name] = [one.removeprefix("CAP_") for one in some] if name.startswith("cap_") else some
     privileged = host.get("Privileged") is True
     if privileged:
@@ -53,9 +61,9 @@ def host_fields(host: Mapping[str, Any], runtime: str, subject: str, notes: Note
     # the engine says this one itself of what is privileged
     options = [one for one in strings(host.get("SecurityOpt")) if not (privileged and one == "label=disable")]
     if options:
-        found["security_opt"] = options[:MOST_ENTRIES]
+        found["security_opt"] = few(options, "security_opt", subject, notes)
     if sysctls := string_map(host.get("Sysctls")):
-        found["sysctls"] = dict(sorted(sysctls.items())[:MOST_ENTRIES])
+        found["sysctls"] = dict(few(sorted(sysctls.items()), "sysctls", subject, notes))
     if host.get("ReadonlyRootfs") is True:
         found["read_only"] = True
     if isinstance(host.get("Init"), bool):
@@ -116,7 +124,7 @@ def _limits(host: Mapping[str, Any], subject: str, notes: Notes) -> dict[str, An
 
 def _devices(host: Mapping[str, Any], subject: str, notes: Notes) -> dict[str, Any]:
     found: dict[str, Any] = {}
-    if devices := [_device(one) for one in mappings(host.get("Devices"), most=MOST_ENTRIES)]:
+    if devices := [_device(one) for one in few(mappings(host.get("Devices")), "devices", subject, notes)]:
         found["devices"] = devices
     for one in mappings(host.get("DeviceRequests"), most=8):
         groups = one.get("Capabilities")
@@ -159,7 +167,7 @@ def _logging(host: Mapping[str, Any]) -> dict[str, Any]:
 
 def _ports(host: Mapping[str, Any], subject: str, notes: Notes) -> dict[str, Any]:
     found = []
-    for inside, bindings in sorted(mapping(host.get("PortBindings")).items())[:MOST_ENTRIES]:
+    for inside, bindings in few(sorted(mapping(host.get("PortBindings")).items()), "ports", subject, notes):
         for one in mappings(bindings, most=8):
             address, published = string(one.get("HostIp")), string(one.get("HostPort"))
             if not may_be_published_at(address):

@@ -183,6 +183,27 @@ def test_mounts_are_named_and_what_they_hold_is_lost() -> None:
         assert words in said
 
 
+def test_what_is_too_much_is_noted_and_volumes_of_the_image_take_no_place() -> None:
+    image = {**IMAGE, "Config": {**IMAGE["Config"], "Volumes": {f"/a/{n}": {} for n in range(600)}}}
+    own = [{"Type": "volume", "Name": f"{n:064x}", "Destination": f"/a/{n}"} for n in range(600)]
+    bind = {"Type": "bind", "Source": "/etc/x", "Destination": "/z", "RW": False}
+    service, _ = taken(image=image, Mounts=[*own, bind])
+    assert service.fields["volumes"] == [{"type": "bind", "source": "/etc/x", "target": "/z", "read_only": True}]
+    drops, devices = [f"CAP_{n}" for n in range(501)], [{"PathOnHost": f"/dev/{n}"} for n in range(501)]
+    service, notes = taken(
+        {"Labels": {f"l{n}": "x" for n in range(501)}}, {"CapDrop": drops, "Devices": devices},
+        Mounts=[{**bind, "Destination": f"/z/{n}"} for n in range(501)],
+    )  # fmt: skip
+    for what in ("cap_drop", "devices", "labels", "volumes"):
+        assert f"lost: of its {what} only 500 of 501 are captured" in notes and len(service.fields[what]) == 500
+
+
+def test_a_secret_behind_more_variables_than_are_captured_is_hidden_all_the_same() -> None:
+    service, notes = taken({"Env": [*(f"V{n}=x" for n in range(1000)), "API_TOKEN=hunter2hunter2"]})
+    assert service.hidden == ("hunter2hunter2",) and not service.secrets
+    assert "lost: only 1000 of its variables are captured" in notes
+
+
 def test_images_that_no_registry_has_are_used_where_they_are() -> None:
     local, notes = taken(image={**IMAGE, "RepoDigests": []})
     assert local.fields == {"image": "ros:humble", "pull_policy": "never"} and "no registry" in notes[0]
