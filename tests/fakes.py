@@ -41,7 +41,10 @@ _LEADS = re.compile(r"(?m)^r=\$\((?:readlink -f|leads_to) \S+\) && printf \"%s %
 _AS_PLANNED = re.compile(r"(?m)^as_planned (\S+) (\S+)\n")
 _FILL = re.compile(r"to=\$\(docker volume .* (\S+)\) && tar -xf (\S+) .*--strip-components=1")
 _TAKE_PLACE = re.compile(r"from=\$\(docker volume .* (\S+)\) && to=\$\(docker volume .* (\S+)\) && sync")
-_EMPTIED = re.compile(r"\[ ! -d /var/lib/docker/(?:volumes/([^/\s]+)/_data|overlay2/[0-9a-f]{64}/diff) ] \|\| ")
+_EMPTIED = re.compile(
+    r"\[ -d /var/lib/docker/\S+ \] \|\| \{ echo [^\n]* exit 1; \}; "
+    r"\[ ! -d /var/lib/docker/(?:volumes/([^/\s]+)/_data|overlay2/[0-9a-f]{64}/diff) ] \|\| "
+)
 _TOLD = re.compile(r"docker (volume|container) inspect --format .* -- (\S+)\Z", re.DOTALL)
 _HAVING = re.compile(r"ids=\$\(docker ps -aq --no-trunc --filter volume=(\S+)\) && .*", re.DOTALL)
 _RENEWED = re.compile(r"to=/var/lib/docker/volumes/(\S+)/_data; new=")

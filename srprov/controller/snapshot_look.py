@@ -16,6 +16,7 @@ import msgspec
 from msgspec.structs import replace
 
 from srprov.names import few
+from srprov.sandbox import sandboxed
 from srprov.session import Reader
 from srprov.snapshot.debian import parse_policy, policy_query
 from srprov.snapshot.gitscript import TIMEOUT_S, script
@@ -24,7 +25,18 @@ from srprov.snapshot.notes import Notes
 from srprov.snapshot.questions import ENGINE, QUESTIONS
 from srprov.snapshot.repositories import MOST_PATCHES, Repository, parse_repository
 from srprov.snapshot.sources import keys_query, origins_query, parse_keys, parse_origins
-from srprov.untrusted import integer, is_of_one, mapping, mappings, string, string_map, strings, text
+from srprov.untrusted import (
+    absolute,
+    integer,
+    is_of_one,
+    lines_of,
+    mapping,
+    mappings,
+    string,
+    string_map,
+    strings,
+    text,
+)
 from srprov.wire import AnyQuery, EngineQuery, Query, Reply
 
 _T = TypeVar("_T")
@@ -43,6 +55,8 @@ LONGEST_S = 600.0
 _INSTANCE = "srprov.instance"
 _RUNS = ("running", "paused", "restarting")
 _SHOWN = 6
+_MOST_CHANGES = 10_000
+"""Paths in a container's own files that are looked at."""
 
 
 class Seen(msgspec.Struct, frozen=True, kw_only=True):
@@ -129,7 +143,7 @@ def _chosen(listed: Reply, notes: Notes) -> list[tuple[str, str]]:
 
 def _inspect(container: str, image: str) -> tuple[EngineQuery, EngineQuery]:
     return (
-        EngineQuery(path=f"/containers/{container}/json", params=(("size", "1"),), timeout_s=60),
+        EngineQuery(path=f"/containers/{container}/json"),
         EngineQuery(path=f"/images/{image}/json"),
     )
 
@@ -149,27 +163,38 @@ def _inspected(replies: Sequence[Reply], notes: Notes) -> Iterator[tuple[Mapping
 def _note_changes(
     reader: Reader, containers: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]], end: float, notes: Notes
 ) -> None:
-    """Note what was changed in the files of containers, each asked by itself: such an answer may be long."""
+    """Note what was changed in the files of containers, each asked by itself: such an answer may be long.
+
+    An engine that is asked for it goes through them among the robot's own files, and the container, which runs, leads
+    it elsewhere: it opened a pipe of the robot's, and hung. So the robot looks itself, where nothing else is.
+    """
     for box, _ in containers:
         subject = f"container {text(string(box.get('Name')), length=80).lstrip('/')}"
         if time.monotonic() > end:
             notes.lost("containers", "what was changed in their files takes too long to be listed")
             return
-        (reply,) = reader.ask([EngineQuery(path=f"/containers/{string(box.get('Id'))}/changes", timeout_s=60)])
+        upper = absolute(mapping(mapping(box.get("GraphDriver")).get("Data")).get("UpperDir"))
+        (reply,) = reader.ask([changes_query(upper)]) if upper else (Reply(status=1, ok=False),)
         if not reply.ok:
             notes.lost(subject, "what was changed in its files cannot be listed")
             continue
-        if changed := _changed_files(reply):
-            size = integer(box.get("SizeRw"))
+        size, _, listed = reply.out.partition("\n")
+        if changed := _changed_files(lines_of(listed, _MOST_CHANGES)):
+            bytes_ = integer(size.partition("\t")[0], high=1 << 53)
             shown = few([text(path, length=50) for path in changed], _SHOWN)
-            notes.lost(subject, f"files changed since it was made ({size} bytes): {shown}")
+            notes.lost(subject, f"files changed since it was made ({bytes_} bytes): {shown}")
 
 
-def _changed_files(reply: Reply) -> list[str]:
-    """Return paths without the folders above them, which the engine tells too."""
-    paths = {string(one.get("Path")) for one in mappings(reply.json())}
+def changes_query(upper: str) -> Query:
+    """Ask how many bytes of its own files a container has below a folder of the robot, and what is there."""
+    find = f"find . -xdev -mindepth 1 -printf '/%P\\n' | head -n {_MOST_CHANGES}"
+    return Query(command=sandboxed(upper, f"du -s -x --apparent-size -B 1 . && {find}"), timeout_s=60)
+
+
+def _changed_files(paths: Sequence[str]) -> list[str]:
+    """Return paths without the folders above them, which are told too."""
     folders = {posixpath.dirname(path) for path in paths}
-    return sorted(path for path in paths - folders if path)
+    return sorted({*paths} - folders - {""})
 
 
 def _repositories(reader: Reader, host: Host, notes: Notes) -> Iterator[Repository]:

@@ -36,6 +36,7 @@ _UPPER = ("overlay2", "fuse-overlayfs")
 """Storage drivers that tell where a container's own files lie."""
 _ANONYMOUS = re.compile(r"[0-9a-f]{64}")
 _LONGEST_S = 1800.0
+_UNSEEN = "its engine says that they lie where the robot has no such folder"
 _HELD = "a container that still runs may hold it open: stop it, such as by its experiment's destroy"
 
 
@@ -95,7 +96,10 @@ def _emptying(folder: str) -> str:
     away = sandboxed_writing(f"for again in 1 2 3; do {remove} 2>/dev/null && exit; sleep 0.2; done; {remove}")
     clear = f"{{ [ ! -e {quote(old)} ] || ( root={quote(posixpath.dirname(folder))}; {away} ); }}"
     renamed = f"mv -T {quote(folder)} {quote(old)} && mkdir {quote(folder)}"
-    return f"[ ! -d {quote(folder)} ] || {{ {clear} && {renamed}; }} && {clear} || exit"
+    # an engine in a mount namespace of its own has its files where this shell sees none
+    store = posixpath.dirname(posixpath.dirname(folder))
+    there = f"[ -d {quote(store)} ] || {{ echo {quote(_UNSEEN)} >&2; exit 1; }}"
+    return f"{there}; [ ! -d {quote(folder)} ] || {{ {clear} && {renamed}; }} && {clear} || exit"
 
 
 def _is_gone(found: Reply) -> bool:

@@ -96,7 +96,8 @@ _POLICY += "        500 https://a.example/x y/main amd64\n"
 _ORIGINS = " 500 https://a.example/x y/main amd64 Packages\n     release v=1,o=Other,a=y,n=y,l=O,c=main,b=amd64\n"
 _BOX = json.dumps(
     {
-        "Id": "a" * 64, "Name": "/cam", "Created": "2026-11-01T00:00:00Z", "SizeRw": 5,
+        "Id": "a" * 64, "Name": "/cam", "Created": "2026-11-01T00:00:00Z", 
+        "GraphDriver": {"Name": "overlay2", "Data": {"UpperDir": "/var/lib/docker/overlay2/a/diff"}},
         "Config": {"Hostname": "h", "Env": ["A=1", "TOKEN=abcdefgh12345678"], "Cmd": ["run", "--password", "x"],
                    "Image": "cam:1", "Labels": {"a": "b"},
                    "Healthcheck": {"Test": ["CMD", "true"], "Interval": 1000000000}},
@@ -115,7 +116,7 @@ _IMAGE = json.dumps({"RepoDigests": ["cam@sha256:" + "0" * 64], "RepoTags": ["ca
 _LISTED = json.dumps(
     [{"Id": "a" * 64, "ImageID": f"sha256:{'b' * 64}", "Names": ["/cam"], "State": "running", "Labels": {}}]
 )
-_CHANGES = json.dumps([{"Path": "/a", "Kind": 1}])
+_CHANGES = "12\t.\n/a\n/a/b\n"
 
 
 def _coded(text: str | bytes) -> str:
@@ -144,7 +145,7 @@ class _Robot:
     def _answer(self, query: AnyQuery) -> Reply:
         if isinstance(query, EngineQuery):
             kinds = {"/containers/json": "listed", "/info": "image"}
-            ends = {"/changes": "changes", "/json": "image" if query.path.startswith("/images") else "box"}
+            ends = {"/json": "image" if query.path.startswith("/images") else "box"}
             name = kinds.get(query.path) or next(kind for end, kind in ends.items() if query.path.endswith(end))
             return Reply(status=200, out=self._plain(name).out)
         for question in QUESTIONS:
@@ -152,6 +153,8 @@ class _Robot:
                 if question.name in ("system", "packages", "states"):
                     return self._plain(question.name)
                 return Reply(status=0, out=_coded(self._says(question.name) + END.encode()))
+        if "find . -xdev -mindepth 1" in query.command:
+            return self._plain("changes")
         if "git --no-pager" in query.command:
             said = (f"{name} {_coded(self._says(name) + bytes(1) + b'0')}" for name, *_ in ASKED)
             return Reply(status=0, out="\n".join(said))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import json
+import os
+import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +20,7 @@ from srprov import data
 from srprov.codes import Code
 from srprov.controller.fleet import Fleet
 from srprov.controller.snapshot import snapshot
+from srprov.controller.snapshot_look import changes_query
 from srprov.definitions import load_experiment
 from srprov.errors import TransportError, UsageError
 from srprov.images.dockerfile import render_dockerfile
@@ -25,6 +28,8 @@ from srprov.snapshot.questions import QUESTIONS
 from srprov.wire import AnyQuery, EngineQuery, Query, Reply
 
 IMAGE = f"sha256:{'e' * 64}"
+UPPER = "/var/lib/docker/overlay2/a/diff"
+LAYER = {"Name": "overlay2", "Data": {"UpperDir": UPPER}}
 SYSTEM = "/etc/os-release:ID=debian\n/etc/os-release:VERSION_CODENAME=bookworm\nmachine x86_64\nid 0\n" + "".join(
     f"has {name}\n" for name in ("setpriv", "prlimit", "git", "timeout", "base64")
 )
@@ -51,6 +56,8 @@ class Robot:
         for question in QUESTIONS:
             if query.command == question.command:
                 return Reply(status=0, out={"system": SYSTEM, **self.shell}.get(question.name, coded("")))
+        if query.command == changes_query(UPPER).command:
+            return Reply(status=0, out="7\t.\n/etc\n/etc/x\n")
         return Reply(status=0, out=self.policy if "apt-cache" in query.command else self.repository)
 
     def _engine(self, query: EngineQuery) -> Reply:
@@ -61,8 +68,6 @@ class Robot:
                  "Labels": box.get("Labels", {})}
                 for box in self.boxes
             ]  # fmt: skip
-        elif query.path.endswith("/changes"):
-            said = [{"Path": "/etc", "Kind": 0}, {"Path": "/etc/x", "Kind": 1}]
         elif query.path.startswith("/containers/"):
             said = next(box for box in self.boxes if box["Id"] in query.path)
         elif query.path.startswith("/images/"):
@@ -72,7 +77,7 @@ class Robot:
 
 def box(number: int, name: str, env: Sequence[str] = (), **host: Any) -> dict[str, Any]:
     config = {"Image": "app:1", "Env": list(env), "Hostname": f"{number:064x}"[:12]}
-    return {"Id": f"{number:064x}", "Name": f"/{name}", "Config": config, "HostConfig": host, "SizeRw": 7}
+    return {"Id": f"{number:064x}", "Name": f"/{name}", "Config": config, "HostConfig": host, "GraphDriver": LAYER}
 
 
 def fleet_of(**robots: Robot | None) -> Fleet:
@@ -294,3 +299,26 @@ def test_nothing_is_written_where_something_is_or_where_nobody_answered(tmp_path
         snapshot(fleet_of(r1=Robot(shell={"system": odd})), tmp_path / "new", "lab")
     assert unseen.value.hint == empty.value.hint == ""  # a hint is srprov's own
     assert [path.name for path in tmp_path.iterdir()] == ["there"]
+
+
+def test_what_changed_in_a_container_is_told_and_its_engine_is_not_asked_for_it(tmp_path: Path) -> None:
+    """It goes through the files of one that runs, which leads it elsewhere: it opened a pipe of the robot's."""
+    document, _, _ = taken(tmp_path / "out", r1=Robot(boxes=[box(1, "cam")]))
+    assert "files changed since it was made (7 bytes): /etc/x" in json.dumps(document)
+    other = {**box(1, "cam"), "GraphDriver": {"Name": "btrfs", "Data": None}}
+    document, _, _ = taken(tmp_path / "other", r1=Robot(boxes=[other]))
+    assert "what was changed in its files cannot be listed" in json.dumps(document)
+
+
+def test_a_container_s_own_files_are_listed_where_no_link_leads_out(tmp_path: Path) -> None:
+    """Root lists them; whatever the container puts there, it is asked for as it is."""
+    (tmp_path / "etc").mkdir()
+    (tmp_path / "etc" / "x").write_text("12345")
+    (tmp_path / "out").symlink_to("/root")
+    os.mkfifo(tmp_path / "pipe")
+    command = changes_query(str(tmp_path)).command
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=True, timeout=30)
+    size, *paths = done.stdout.splitlines()
+    assert sorted(paths) == ["/etc", "/etc/x", "/out", "/pipe"] and int(size.split("\t")[0]) >= 5
+    gone = subprocess.run(["sh", "-c", changes_query(f"{tmp_path}/no").command], capture_output=True, check=False)
+    assert gone.returncode != 0

@@ -108,6 +108,14 @@ def test_what_a_killed_run_left_goes_also_where_nothing_else_is_left(tmp_path: P
     assert os.listdir(tmp_path / "v") == []
 
 
+def test_an_engine_whose_files_are_not_seen_removes_nothing(tmp_path: Path) -> None:
+    """Its data lies in a mount namespace of its own: it would go through what this shell does not see."""
+    told = removed(Engine(tmp_path / "elsewhere"), volume("v"))
+    assert told is not None and not told.ok and "lie where the robot has no such folder" in told.err
+    (tmp_path / "elsewhere").mkdir()
+    assert removed(Engine(tmp_path / "elsewhere"), volume("v")) is None, "half removed before"
+
+
 def test_a_volume_that_somebody_has_is_not_removed(tmp_path: Path) -> None:
     """An engine may have another list of who has it than the one that it shows."""
     filled(tmp_path / "v" / "_data")
