@@ -96,7 +96,7 @@ _POLICY += "        500 https://a.example/x y/main amd64\n"
 _ORIGINS = " 500 https://a.example/x y/main amd64 Packages\n     release v=1,o=Other,a=y,n=y,l=O,c=main,b=amd64\n"
 _BOX = json.dumps(
     {
-        "Id": "a" * 64, "Name": "/cam", "Created": "2026-11-01T00:00:00Z", 
+        "Id": "a" * 64, "Name": "/cam", "Created": "2026-11-01T00:00:00Z",
         "GraphDriver": {"Name": "overlay2", "Data": {"UpperDir": "/var/lib/docker/overlay2/a/diff"}},
         "Config": {"Hostname": "h", "Env": ["A=1", "TOKEN=abcdefgh12345678"], "Cmd": ["run", "--password", "x"],
                    "Image": "cam:1", "Labels": {"a": "b"},
