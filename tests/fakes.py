@@ -47,7 +47,8 @@ _EMPTIED = re.compile(
 )
 _TOLD = re.compile(r"docker (volume|container) inspect --format .* -- (\S+)\Z", re.DOTALL)
 _HAVING = re.compile(r"ids=\$\(docker ps -aq --no-trunc --filter volume=(\S+)\) && .*", re.DOTALL)
-_RENEWED = re.compile(r"to=/var/lib/docker/volumes/(\S+)/_data; new=")
+_FILLED = re.compile(r"from=/var/lib/docker/volumes/(\S+)/_data to=/var/lib/docker/volumes/(\S+)/_data; mv -T")
+_IS_EMPTY = re.compile(r"\[ -d /var/lib/docker/volumes/(\S+)/_data \] && \[ -z .* echo ([0-9]+)")
 _LOGS = re.compile(r"docker logs --tail (\d+) (\S+) 2>&1")
 
 
@@ -298,6 +299,8 @@ class FakeRobot:
             return self.engine.told(match[1], match[2])
         if match := _HAVING.fullmatch(command):
             return self.engine.having(match[1])
+        if asked := _IS_EMPTY.findall(command):
+            return Reply(status=0, out="".join(f"{n}\n" for name, n in asked if name not in self.engine.data))
         if command.startswith("ss "):
             return Reply(status=0, out="".join(f"{line}\n" for line in self.listening))
         if asked := _THERE.findall(command):
@@ -445,10 +448,8 @@ class FakeRobot:
             if not half:
                 self.engine.data[match[1]] = hashlib.sha256(self.disk.files.pop(match[2])).hexdigest()
             return shell_reply("injected failure" if half else "")
-        if match := _RENEWED.match(run.script):  # tests/unit/execution/test_unfilled.py has it run by a real shell
-            if half:
-                return shell_reply("injected failure")
-            return Reply(status=3, ok=False) if match[1] in self.engine.data else shell_reply("")
+        if _FILLED.match(run.script):  # tests/unit/execution/test_unfilled.py has it run by a real shell
+            return shell_reply("injected failure" if half else "")  # images of the fake robot have nothing for volumes
         if match := _EMPTIED.match(run.script):  # tests/unit/execution/test_emptied.py has it run by a real shell
             if match[1] and not half:
                 self.engine.data.pop(match[1], None)

@@ -4,36 +4,33 @@ An engine that makes a container fills an empty volume with what the image has t
 the robot's own files; it follows a link that it finds in the place of a folder. A container that runs with the volume
 puts one there once the first entry comes, and the rest of the image's files lies where that leads: any folder of the
 robot. So does one that had the volume's folder handed to it, open, by a container that had the volume: no engine knows
-of that. So a volume is filled while no container has it, and it gets a new folder first, of which nobody holds anything
-(one that only reads would be left with the old one). One that is not empty is filled for nobody.
+of that. So no container of a service is made with volumes to fill: what is empty, and no container has, is filled in
+another place before (`filling.py`), and what is not is filled for nobody.
 
-Source: moby, `daemon/volumes_unix.go` and containerd's `continuity/fs`; unix(7), SCM_RIGHTS; rename(2), which takes the
-place of an empty folder alone; tried with Docker 20.10.
+Source: moby, `daemon/volumes_unix.go` and containerd's `continuity/fs`; unix(7), SCM_RIGHTS; tried with Docker 20.10.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 
 from msgspec.structs import replace
 
+from srprov.execution.filling import filled
 from srprov.modules.module import canonical
 from srprov.session import Session
-from srprov.untrusted import mappings, string
-from srprov.wire import Command, EngineCall, EngineQuery, Reply, Run, quote
+from srprov.untrusted import mapping, mappings, string
+from srprov.wire import Command, EngineCall, EngineQuery, Query, Reply, quote
 
-_NONE, _NOT_EMPTY = 404, 3
-_RENEW = f"""new=$to.new; rmdir "$new" 2>/dev/null
-mkdir "$new" && chown "$(stat -c %u:%g "$to")" "$new" && chmod "$(stat -c %a "$to")" "$new" || exit 1
-mv -T "$new" "$to" 2>/dev/null && exit
-rmdir "$new"; exit {_NOT_EMPTY}"""
-"""Renames an empty folder to `$to`, in whose place it comes only if that is empty, too."""
+_NONE = 404
 
 
 def unfilled(command: Command, session: Session) -> Command | Reply:
-    """Return a command that makes a container as one that has no volume filled where others may write; or as it is.
+    """Return a command that makes a container as one that has no volume filled; or as it is.
 
-    What a robot says where a volume's folder cannot be renewed, though it is empty, is an answer to that command.
+    Its volumes that are empty, and that no container has, are filled before. What goes wrong with that is an answer to
+    the command.
 
     Raises:
         TransportError: The robot cannot be talked to any more.
@@ -41,22 +38,22 @@ def unfilled(command: Command, session: Session) -> Command | Reply:
     if not isinstance(command, EngineCall) or command.path != "/containers/create":
         return command
     body = json.loads(command.body)
-    mounts = body.get("HostConfig", {}).get("Mounts", [])
-    names = sorted({one["Source"] for one in mounts if _may_be_filled(one)})
+    mounts = [one for one in body.get("HostConfig", {}).get("Mounts", []) if _may_be_filled(one)]
+    names = sorted({one["Source"] for one in mounts})
     if not names:
         return command
     replies = session.ask([ask(name) for name in names for ask in (_having, _about)])
-    taken = set[str]()
+    free: dict[str, str] = {}
     for name, listed, about in zip(names, replies[::2], replies[1::2], strict=True):
-        renewed = None if _others_have(name, listed) else _renewed(about, session)
-        if renewed is None or renewed.status == _NOT_EMPTY:
-            taken.add(name)
-        elif not renewed.ok:
-            return renewed
+        if not _others_have(name, listed) and (place := _place(name, about, session)):
+            free[name] = place
+    if empty := _empty(free, session):
+        failed = filled(command, body, empty, session)
+        if failed is not None:
+            return failed
     for one in mounts:
-        if _may_be_filled(one) and one["Source"] in taken:
-            one["VolumeOptions"] = {**one.get("VolumeOptions", {}), "NoCopy": True}
-    return replace(command, body=canonical(body)) if taken else command
+        one["VolumeOptions"] = {**one.get("VolumeOptions", {}), "NoCopy": True}
+    return replace(command, body=canonical(body))
 
 
 def _may_be_filled(mount: dict[str, object]) -> bool:
@@ -74,13 +71,24 @@ def _others_have(name: str, reply: Reply) -> bool:
     return any(one.get("Name") == name for one in mounts)
 
 
-def _renewed(about: Reply, session: Session) -> Reply | None:
-    """Give an empty volume another folder, of which nobody holds anything; None where it is not known where it lies."""
-    if about.status == _NONE:
-        return Reply(status=0)  # it is made with the container, by its engine
-    body = about.json() if about.ok else None
-    place = string(body.get("Mountpoint")) if isinstance(body, dict) else ""
-    return session.execute(Run(script=f"to={quote(place)}; {_RENEW}")) if place.startswith("/") else None
+def _place(name: str, about: Reply, session: Session) -> str:
+    """Return the folder of a volume, which is made if it is not there; empty: it is not known, or not of its own."""
+    if about.status == _NONE:  # its engine would make it with the container
+        call = EngineCall(method="POST", path="/volumes/create", body=canonical({"Name": name}), accept=(201,))
+        about = session.ask([_about(name)])[0] if session.execute(call).ok else about
+    body = mapping(about.json() if about.ok else None)
+    place, plain = string(body.get("Mountpoint")), body.get("Driver") == "local" and not body.get("Options")
+    return place if plain and place.startswith("/") else ""
+
+
+def _empty(places: Mapping[str, str], session: Session) -> dict[str, str]:
+    """Return the volumes of which the robot says that there is nothing in them."""
+    if not places:
+        return {}
+    looks = [f'[ -d {quote(at)} ] && [ -z "$(ls -A {quote(at)})" ] && echo {n}' for n, at in enumerate(places.values())]
+    (said,) = session.ask([Query(command="\n".join([*looks, ":"]))])
+    numbers = set(said.out.split()) if said.ok else set()
+    return {name: at for n, (name, at) in enumerate(places.items()) if str(n) in numbers}
 
 
 def _having(name: str) -> EngineQuery:

@@ -14,11 +14,13 @@ BUILD = ".build"
 """The instance label of containers of a build, which `images/mark.py` sets; no instance has that name."""
 LISTING = "srprov..packages-"
 """How the name of a container begins that lists an image's packages; one runs only under the lock of its robot."""
+FILLING = "srprov..fill-"
+"""The same of one that is made to have its image fill volumes, and that never runs."""
 _OF_ENGINE = re.compile(r"[a-z]{1,40}_[a-z]{1,40}[0-9]{0,2}|[0-9a-f]{12}")
 """What an engine calls a container that nobody gives a name: two words, or the beginning of its id."""
 _IMAGE = re.compile(r"sha256:[0-9a-f]{64}")
 """A builder names the image of its last step by its id; whoever runs one, by its name."""
-_LISTED = re.compile(rf"{re.escape(LISTING)}[0-9a-f]{{12}}")
+_OWN = re.compile(rf"({re.escape(LISTING)}|{re.escape(FILLING)})[0-9a-f]{{12}}")
 _END_PROCESS = r"""for p in /proc/[0-9]*; do
     case $(tr '\0' ' ' <"$p/cmdline") in
         *containerd-shim*" -id ID"*) kill -9 "${p#/proc/}" ;;
@@ -38,11 +40,12 @@ def left_by_build(item: Mapping[str, Any], state: Mapping[str, Any]) -> Observed
     """
     names = item.get("Names")
     name = string(names[0]).removeprefix("/") if isinstance(names, list) and names else ""
-    listing = name.startswith(LISTING)
+    own = _OWN.fullmatch(name)
     of_build = _OF_ENGINE.fullmatch(name) and _IMAGE.fullmatch(string(item.get("Image")))
-    if not (of_build and state["state"] != "running") and not (listing and _LISTED.fullmatch(name)):
+    if not (of_build and state["state"] != "running") and not own:
         return None
-    why = {"leftover": f"left by a {'lock' if listing else 'build'} that was cut off"}
+    verb = {LISTING: "a lock", FILLING: "an apply"}[own[1]] if own else "a build"
+    why = {"leftover": f"left by {verb} that was cut off"}
     return Observed(module="container", name=name, instance="", state={**state, **why})
 
 

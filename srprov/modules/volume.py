@@ -38,7 +38,8 @@ _HASH = re.compile(r"[0-9a-f]{24}")
 _USER = re.compile(r"([0-9]{1,10}(:[0-9]{1,10})?)?")
 _LONGEST = 64
 """Characters of a proof, or of a time: they are kept here for what `--adopt` took over."""
-_HALF = "srprov-copy."
+HALF = "srprov-copy."
+"""How the name of a volume begins that is not a real one yet."""
 _NAME = "srprov."
 _NAME_FILTER = canonical({"name": [_NAME]})
 
@@ -57,7 +58,7 @@ def _named_for(name: str) -> str:
 
 def half_copy(name: str) -> str:
     """Return the name of the volume that data is copied into first; no name of a real one begins so."""
-    return _HALF + name.removeprefix(_NAME)
+    return HALF + name.removeprefix(_NAME)
 
 
 def moment(created: str) -> float:
@@ -120,7 +121,7 @@ class VolumeModule(Module[VolumeParams]):
         items = [item for one in bodies for item in mappings(one.get("Volumes") if isinstance(one, dict) else None)]
         by_name = {string(item.get("Name")): (item, string_map(item.get("Labels"))) for item in items}
         # an engine takes a filter for a pattern, and what anybody called so says nothing of the data in the real one
-        halves = {name for name, (_, labels) in by_name.items() if name.startswith(_HALF) and INSTANCE in labels}
+        halves = {name for name, (_, labels) in by_name.items() if name.startswith(HALF) and INSTANCE in labels}
         found = []
         for name, (item, labels) in by_name.items():
             if instance := _named_for(name) or labels.get(INSTANCE):
