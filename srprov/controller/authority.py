@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from srprov.codes import Code
 from srprov.controller.image_claim import is_own_image
 from srprov.controller.overlay_claim import astray, had_twice, underlays_of, vteps_of, wrong_link
-from srprov.controller.placement_claim import PlacementClaim
+from srprov.controller.placement_claim import PlacementClaim, misplaced
 from srprov.controller.robot_files import is_record_path
 from srprov.controller.stated import definition_of, led_elsewhere, pulled_for_nobody, sent_for_nobody, unstated
 from srprov.definitions.containermodel import ContainerDefinition
@@ -236,6 +236,7 @@ def _wrong(saved: PlanFile) -> Iterator[str]:
         if isinstance(want.params, VxlanParams | VxlanFilterParams):
             yield from wrong_link(want, want.params, [network for host, network in overlays if host == want.host])
     yield from had_twice(wants_of(saved))
+    yield from misplaced(plan, wants_of(saved))
     yield from led_elsewhere(wants_of(saved))
     listed = set(plan.permissions)
     for one in asked(saved):

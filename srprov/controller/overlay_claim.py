@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from typing import Any
 
 from srprov.controller.robot_files import is_record_path
+from srprov.facts.model import Snapshot
 from srprov.modules.container import container_name
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.file import FileParams
@@ -16,7 +16,6 @@ from srprov.modules.vxlan_filter import VxlanFilterParams
 from srprov.modules.wireguard import WireguardParams
 from srprov.modules.wireguard_peers import WireguardPeersParams, host_of
 from srprov.network.addresses import is_free
-from srprov.network.identity import network_name
 from srprov.network.record import read_record
 from srprov.planning.plan import Step
 from srprov.planning.planfile import PlanFile
@@ -172,29 +171,35 @@ def had_twice(wants: Sequence[Resource]) -> Iterator[str]:
 
 
 def of_others(
-    instance: str, wants: Iterable[Resource], steps: Iterable[Step], records: Iterable[Mapping[str, Any]]
-) -> Iterator[str]:
-    """Say which addresses and MACs of a plan are those of services and bridges that it neither wants nor removes.
+    instance: str, wants: Sequence[Resource], steps: Iterable[Step], snapshot: Snapshot
+) -> Iterator[str]:  # fmt: skip
+    """Say what records of the instance name that a plan neither wants nor removes, or whose address it gives away.
 
-    What is left out of a plan file stays where it is: whoever asks for it by its name would come to the other one.
-    `records` are what robots keep of the instance.
+    What is left out of a plan file stays where it is: whoever asks for it by its name would come to another service.
+    On a robot that does not answer nothing is done: a service there has what the records say.
     """
     mine: dict[str, str] = {}
+    moving: set[str] = set()
     for want in wants:
         if isinstance(one := want.params, ContainerParams):
             mine |= {end: one.service for end in (one.network.ip, one.network.mac) if end}
+            moving |= {one.service} if want.host in snapshot.facts else set()
         elif isinstance(one, NetworkParams):
             mine[one.gateway] = f"the bridge on {want.host}"
-    gone = {(step.module, step.host, step.name) for step in steps if step.want is None}
-    known = {*mine.values()}
+            moving |= {mine[one.gateway]} if want.host in snapshot.facts else set()
+    known = {want.params.service for want in wants if isinstance(want.params, ContainerParams)}
+    gone = {(step.host, step.name) for step in steps if step.want is None}
+    there = {(host, one.name) for host, some in snapshot.observed.items() for one in some}
+    records = [some[instance] for some in snapshot.records.values() if instance in some]
     for record in filter(None, map(read_record, records)):
-        ends = [(str(ip), name) for name, ip in record.addresses.items()] + [
-            (mac, name) for name, mac in record.macs.items()
-        ]
-        there = [(end, name) for end, name in ends
-                 if ("container", record.robots.get(name), container_name(instance, name)) not in gone]  # fmt: skip
-        there += [(str(ip), f"the bridge on {robot}") for robot, ip in record.gateways.items()
-                  if ("network", robot, network_name(instance)) not in gone]  # fmt: skip
-        for end, name in there:
-            if end in mine and name not in known:
-                yield f"{end}: {mine[end]} would have it, and {name}, of which this plan says nothing, has it"
+        for name, robot in record.robots.items():
+            place = robot, container_name(instance, name)
+            if name not in known and place not in gone and (robot not in snapshot.facts or place in there):
+                yield f"{name} on {robot}, of which this plan says nothing"
+        ends = [(str(ip), name) for name, ip in record.addresses.items()]
+        ends += [(mac, name) for name, mac in record.macs.items()]
+        ends += [(str(ip), f"the bridge on {robot}") for robot, ip in record.gateways.items()]
+        for end, name in ends:
+            place = record.robots.get(name, name.rpartition(" ")[2]), container_name(instance, name)
+            if mine.get(end, name) != name and name not in moving and place not in gone:
+                yield f"{end}: {mine[end]} would have it, and {name} has it"

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+from srprov.controller.robot_files import is_record_path
 from srprov.facts.model import MOST_SERIAL
 from srprov.modules.container_params import ContainerParams
+from srprov.modules.file import FileParams
 from srprov.modules.module import Names, canonical
 from srprov.modules.network import NetworkParams
 from srprov.network.record import read_record
@@ -72,3 +74,20 @@ class PlacementClaim:
         if name in self._endpoints:
             return told == self._endpoints[name]
         return told.keys() == {"ip", "mac", "network", "robot"} and told["robot"] in self._plan.unreachable
+
+
+def misplaced(plan: Plan, wants: Sequence[Resource]) -> Iterator[str]:
+    """Say what a plan's placement, which is shown, says otherwise than what it wants; and where it states no record.
+
+    Without its record, nobody knows later what a robot has, and what of it a further plan leaves out.
+    """
+    homes = {one.params.service: one.host for one in wants if isinstance(one.params, ContainerParams)}
+    for service, robot in sorted(homes.items()):
+        if plan.assignment.get(service) != robot:
+            yield f"assignment: '{service}' is wanted on {robot}"
+    strange = {name for name, robot in plan.assignment.items() if robot not in plan.unreachable} - homes.keys()
+    for service in sorted(strange) if homes else ():
+        yield f"assignment: nothing of '{service}' is wanted"
+    recorded = {one.host for one in wants if isinstance(one.params, FileParams) and is_record_path(one.name)}
+    for robot in sorted({*homes.values()} - recorded):
+        yield f"{robot}: no record of the placement is wanted there"

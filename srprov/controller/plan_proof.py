@@ -70,19 +70,20 @@ def check_claim(
 def refuse_left_out(
     saved: PlanFile, wants: Sequence[Resource], steps: Sequence[Step], snapshot: Snapshot
 ) -> None:  # fmt: skip
-    """Refuse a file from elsewhere that hides robots that answer, or gives away what others of the instance have.
+    """Refuse a file from elsewhere that hides what is there, or gives away what others of the instance have.
+
+    A choice of its writer's leaves out what makes the rest right: whoever applies it chooses for himself.
 
     Raises:
         RefusedError: Names them.
     """
-    instance = saved.plan.instance
+    chosen = "its steps are only some of those that follow from it" if saved.limit or saved.targets else ""
     hidden = sorted(saved.plan.unreachable.keys() & snapshot.facts.keys())
-    wrong = [f"{robot} answers, and the plan says nothing of what is wanted there" for robot in hidden]
-    records = [some[instance] for some in snapshot.records.values() if instance in some]
-    if wrong := wrong + sorted({*of_others(instance, wants, steps, records)}):
+    wrong = [chosen] * bool(chosen) + [f"{robot} answers, and the plan says that it does not" for robot in hidden]
+    if wrong := wrong + sorted({*of_others(saved.plan.instance, wants, steps, snapshot)}):
         raise RefusedError(
             "this plan, which was not written here, leaves out what is there:\n" + "\n".join(wrong),
-            hint="plan its EDF here",
+            hint="have all of its EDF planned, or plan it here; or apply it with --signers FILE if it is signed",
             code=Code.STRANGE_PLAN,
         )
 

@@ -140,30 +140,34 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
             if not signed:
                 check_builders([step.want for step in saved.plan.steps if step.want], fleet.inventory, snapshot)
         _check_networks(wants, saved.plan.instance, believed)
-        steps, left_out = _derived(saved, wants, snapshot, look, ours=bool(owners))
+        derived = _derived(saved, wants, snapshot, look, ours=bool(owners))
+        steps = derived.steps
         check_writers(steps, [(want.host, one) for want, one in services_of(saved)], look)
         if not (owners or signed):  # last: of a file that was changed it is told what was
             check_claim(saved, wants, steps, snapshot, adopt=adopt)
-        plan = _as_found(saved, steps, left_out, snapshot, look, ours=bool(owners))
+        plan = _as_found(saved, derived, snapshot, look, ours=bool(owners))
     return Planned(plan=plan, saved=saved, makers=makers_of(snapshot, plan.instance, plan.source))
 
 
 def _as_found(
-    saved: PlanFile, steps: tuple[Step, ...], left_out: tuple[str, ...], snapshot: Snapshot, look: Gathering, *,
-    ours: bool,
+    saved: PlanFile, derived: Plan, snapshot: Snapshot, look: Gathering, *, ours: bool
 ) -> Plan:  # fmt: skip
     """Return a file's plan with its steps as they were derived, what robots say, and what a stranger's file may hide.
 
     Raises:
         StalePlan: They say what a file that was written here (`ours`) does not tell.
     """
-    plan, (noted, leads) = saved.plan, notes_of_robots(steps, snapshot, look, saved.plan.instance)
+    plan, steps = saved.plan, derived.steps
+    noted, leads = notes_of_robots(steps, snapshot, look, plan.instance)
     if ours:
         refuse_unnoted(saved, noted)
     else:
         noted = (*noted, *notes_of_a_plan_from_elsewhere(plan.instance, steps))
-    notes, away = tuple(dict.fromkeys((*plan.notes, *noted, *left_out))), {**plan.unreachable, **snapshot.unreachable}
-    return replace(plan, steps=steps, notes=notes, unreachable=away, leads=leads)
+    notes, away = (
+        tuple(dict.fromkeys((*plan.notes, *noted, *derived.notes))),
+        {**plan.unreachable, **snapshot.unreachable},
+    )
+    return replace(plan, steps=steps, unchanged=derived.unchanged, notes=notes, unreachable=away, leads=leads)
 
 
 def _check_networks(wants: tuple[Resource, ...], instance: str, believed: Snapshot) -> None:
@@ -179,12 +183,10 @@ def _check_networks(wants: tuple[Resource, ...], instance: str, believed: Snapsh
         identify(instance, NetworkSettings(subnet=subnet, vni=vni, port=port), believed, record, members)
 
 
-def _derived(
-    saved: PlanFile, wants: tuple[Resource, ...], snapshot: Snapshot, look: Gathering, *, ours: bool
-) -> tuple[tuple[Step, ...], tuple[str, ...]]:  # fmt: skip
-    """Return the steps that follow from what a file wants, and in words what of them its choice leaves out.
+def _derived(saved: PlanFile, wants: tuple[Resource, ...], snapshot: Snapshot, look: Gathering, *, ours: bool) -> Plan:
+    """Return the plan with the steps that follow from what a file wants, and as notes what its choice leaves out.
 
-    Those of robots out of reach have no commands.
+    Steps of robots out of reach have no commands.
 
     Only a file that was written here (`ours`) may hide the new content of a file, as one with a secret in it.
     """
@@ -196,8 +198,8 @@ def _derived(
     settled |= {want.id for want in wants if want.host in away}
     beside = [step for step in saved.plan.steps if step.host in away]
     plan = saved.plan
-    steps, _ = diff(wants, owned(snapshot, plan.instance), plan.instance, settled=settled, beside=beside)
-    chosen = replace(plan, steps=steps, notes=())
+    steps, unchanged = diff(wants, owned(snapshot, plan.instance), plan.instance, settled=settled, beside=beside)
+    chosen = replace(plan, steps=steps, unchanged=unchanged, notes=())
     if saved.targets:
         chosen = targeted(chosen, wants, saved.targets)
     if saved.limit:
@@ -217,7 +219,7 @@ def _derived(
     steps = reviewed if ours else tuple(map(without_old_lines, reviewed, live))
     # nobody looked at what they would change
     mute = {step.number: replace(step.change, commands=()) for step in steps if step.host in away}
-    return tuple(replace(step, change=mute.get(step.number, step.change)) for step in steps), chosen.notes
+    return replace(chosen, steps=tuple(replace(one, change=mute.get(one.number, one.change)) for one in steps))
 
 
 def _by_number(steps: tuple[Step, ...], filed: Mapping[int, Step] | None = None) -> Mapping[str, object]:

@@ -56,7 +56,8 @@ _INSTANCE = "srprov.instance"
 _RUNS = ("running", "paused", "restarting")
 _SHOWN = 6
 _MOST_CHANGES = 10_000
-"""Paths in a container's own files that are looked at."""
+_MOST_OF_NAMES = 1 << 20
+"""Paths in a container's own files that are looked at, and bytes of them: a container names its files as it likes."""
 
 
 class Seen(msgspec.Struct, frozen=True, kw_only=True):
@@ -187,7 +188,7 @@ def _note_changes(
 
 def changes_query(upper: str) -> Query:
     """Ask how many bytes of its own files a container has below a folder of the robot, and what is there."""
-    find = f"find . -xdev -mindepth 1 -printf '/%P\\n' | head -n {_MOST_CHANGES}"
+    find = f"find . -xdev -mindepth 1 -printf '/%P\\n' | head -c {_MOST_OF_NAMES}"
     return Query(command=sandboxed(upper, f"du -s -x --apparent-size -B 1 . && {find}"), timeout_s=60)
 
 

@@ -22,7 +22,7 @@ from srprov.modules.module import Module, Names
 from srprov.modules.params import check_mac
 from srprov.modules.vxlan_fdb import entries_of, fdb_calls, known
 from srprov.modules.vxlan_links import ENTRIES, bridge_state, kind_of, link_state, listed
-from srprov.modules.vxlan_rules import SOURCE_PORTS, closed_first
+from srprov.modules.vxlan_rules import SOURCE_PORTS, closed_first, rules_hash
 from srprov.resource import Action, Change, Observed, State
 from srprov.untrusted import mappings, string
 from srprov.wire import AnyQuery, Command, Query, Reply, Run, quote
@@ -166,7 +166,8 @@ def _script(
     """
     links = [*first, *_ip_calls(name, want, new=new, had=had)]
     entries = fdb_calls(name, known, want.fdb)
-    guard = [closed_first(name)] if new and not want.netns and name.startswith(_PREFIX) else []
+    wanted = rules_hash(want.vni, want.port, want.local, {vtep for _, vtep in want.fdb})
+    guard = [closed_first(name, wanted)] if new and not want.netns and name.startswith(_PREFIX) else []
     notify = bridge_address.announcing(want.bridge, want.bridge_mac)
     return (Run(script="\n".join([*guard, *notify, *batch(["ip"], links), *batch(["bridge"], entries)])),)
 

@@ -19,9 +19,9 @@ from typing import Any
 
 import msgspec
 
-from srprov.modules.module import Module, Names, digest
+from srprov.modules.module import Module, Names
 from srprov.modules.params import ParameterError
-from srprov.modules.vxlan_rules import IPTABLES, MARK, NFTABLES, Filter, closing, opening
+from srprov.modules.vxlan_rules import IPTABLES, NFTABLES, Filter, closing, opening, rules_hash
 from srprov.resource import Action, Change, Observed, State
 from srprov.untrusted import lines_of
 from srprov.wire import AnyQuery, Command, Query, Reply, Run, sh
@@ -192,7 +192,7 @@ def closing_script(name: str, want: VxlanFilterParams) -> str:
 
 def _filter(name: str, want: VxlanFilterParams) -> Filter:
     peers = tuple(sorted({*want.peers} - {want.local}))
-    text = digest([want.vni, want.port, want.local, peers, MARK, "untracked"], 8)
+    text = rules_hash(want.vni, want.port, want.local, peers)
     # no instance has another name; one that had would never find its rules again, and not be quoted wrongly either
     owner = want.instance if _INSTANCE.fullmatch(want.instance) else "-"
     mark = f"srprov:{owner}:{name}:{text}"

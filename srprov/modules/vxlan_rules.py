@@ -24,6 +24,7 @@ from collections.abc import Callable, Collection, Sequence
 import msgspec
 
 from srprov.definitions.containermodel import LINK_PORTS
+from srprov.modules.module import digest
 from srprov.wire import printed, quote
 
 SOURCE_PORTS = (LINK_PORTS[0], LINK_PORTS[-1])
@@ -76,15 +77,21 @@ def opening(name: str, by: Collection[str]) -> str:
     return "\n".join([*parts, *([_remove_iptables(quote(name), "ip ip6")] if IPTABLES in by else [])])
 
 
-def closed_first(name: str) -> str:
+def rules_hash(vni: int, port: int, local: str, peers: Collection[str]) -> str:
+    """Return the name of what rules say, which the comment of each has."""
+    return digest([vni, port, local, sorted({*peers} - {local}), MARK, "untracked"], 8)
+
+
+def closed_first(name: str, wanted: str) -> str:
     """Return a line that ends a script where no rule of a filter is there; a table alone drops nothing.
 
-    A link may be made in one round trip with them, and must not come up when they failed.
+    A link may be made in one round trip with them, and must not come up when they failed. Those of another port or VNI,
+    or for other robots, close another overlay than that of the link: `wanted` is the hash of its own.
     """
     link = quote(name)
     ways = (f"nft list table bridge {link}", *(f"{f}tables -t raw -n -L {link}-in" for f in ("ip", "ip6")))
     return (
-        f"case $({{ {' || '.join(ways)}; }} 2>/dev/null) in *srprov:*) ;; "
+        f"case $({{ {' || '.join(ways)}; }} 2>/dev/null) in *:{wanted}:*) ;; "
         f"*) echo {quote('no rules close the overlay')} >&2; exit 1 ;; esac"
     )
 

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from srprov.modules import MODULES
-from srprov.modules.vxlan_rules import closed_first
+from srprov.modules.vxlan_rules import closed_first, rules_hash
 from srprov.resource import Observed
 from srprov.wire import Query, Reply, Run
 from tests.resources import resource
@@ -30,6 +30,7 @@ NAME = "srpv00000001"
 PARAMS: dict[str, Any] = {
     "instance": "hello", "vni": 1048577, "port": 4789, "local": "192.0.2.1", "peers": ["192.0.2.2", "192.0.2.3"],
 }  # fmt: skip
+HASH = rules_hash(PARAMS["vni"], PARAMS["port"], PARAMS["local"], PARAMS["peers"])
 SIX: dict[str, Any] = {**PARAMS, "local": "2001:db8::1", "peers": ["2001:db8::2"]}
 
 
@@ -127,15 +128,19 @@ def test_what_is_left_of_rules_that_somebody_flushed_is_found_mended_and_removed
         robot.has_iptables(program)
         flush = "iptables -t raw -F"
     assert robot.make(PARAMS).ok
-    assert robot.run(closed_first(NAME)).ok
+    assert robot.run(closed_first(NAME, HASH)).ok
+    for one in ({"port": 4790}, {"vni": 5}, {"peers": ["192.0.2.2"]}, {"local": "192.0.2.9"}):
+        other = {**PARAMS, **one}
+        wanted = rules_hash(other["vni"], other["port"], other["local"], other["peers"])
+        assert not robot.run(closed_first(NAME, wanted)).ok, "they close another overlay"
     for mended in (True, False):
         assert robot.run(flush).ok
-        assert not robot.run(closed_first(NAME)).ok
+        assert not robot.run(closed_first(NAME, HASH)).ok
         found = robot.see()
         assert found is not None and found.instance == ""
         if mended:
             assert robot.make(PARAMS).ok
-            assert robot.run(closed_first(NAME)).ok
+            assert robot.run(closed_first(NAME, HASH)).ok
         else:
             (command,) = MODULE.removal(found)
             assert isinstance(command, Run) and robot.run(command.script).ok

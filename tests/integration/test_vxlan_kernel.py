@@ -16,6 +16,7 @@ import pytest
 from msgspec.structs import replace
 
 from srprov.modules import MODULES
+from srprov.modules.vxlan_rules import rules_hash
 from srprov.resource import Action, Change, Resource
 from srprov.robot_answers import TooManyError
 from srprov.wire import Query, Reply, Run
@@ -66,7 +67,10 @@ class Robot:
         """Do what is due, and check that nothing is due then."""
         change = self.check(want)
         assert change is not None
-        rule = f'table bridge {want.name} {{ chain one {{ counter comment "srprov:one"; }}; }}'
+        params = want.params
+        rules = rules_hash(params.vni, params.port, params.local, {vtep for _, vtep in params.fdb})
+        mark = f"srprov:{params.instance}:{want.name}:{rules}:1/1"
+        rule = f'table bridge {want.name} {{ chain one {{ counter comment "{mark}"; }}; }}'
         assert self.sh(f"nft '{rule}'").ok, "a link is made only where its rules are"
         for command in change.commands:
             assert isinstance(command, Run)

@@ -350,41 +350,45 @@ def test_who_runs_what_in_a_plan_file_has_names(world: World, service: str, robo
         load(dump(replace(saved, plan=replace(saved.plan, assignment=assignment))), "plan.json")
 
 
-def test_a_plan_from_elsewhere_says_what_its_choice_leaves_out(world: World) -> None:
-    """Its writer took the note away, and the steps of the other robots are none that anybody sees."""
+def test_a_plan_from_elsewhere_is_a_whole_one(world: World) -> None:
+    """A choice left out what makes the rest right: filters of links, the removal of whose address is given away."""
     saved = replace(reread(planned(world).limited(["r1"])), proof="")
-    silent = replace(saved, plan=replace(saved.plan, notes=()))
-    assert "9 steps are left out by --limit or --exclude" in check_plan(silent, fleet(world), adopt=True).plan.notes
+    for some in (saved, replace(saved, limit=(), targets=("one",))):
+        with pytest.raises((RefusedError, UsageError)) as refused:
+            check_plan(some, fleet(world), adopt=True)
+        if some is saved:
+            assert "its steps are only some of those that follow" in refused.value.message
+    silent = replace(saved, plan=replace(saved.plan, notes=(), unchanged=7777))
+    signed = check_plan(silent, fleet(world), adopt=True, signed=True).plan
+    assert "9 steps are left out by --limit or --exclude" in signed.notes and signed.unchanged < 100
 
 
 def test_a_plan_from_elsewhere_does_not_say_of_a_robot_that_answers_that_it_is_away(world: World) -> None:
     """What is there was missing in the plan: a service in its place got its address, and what was for it."""
     saved = replace(reread(planned(world)), proof="")
     away = replace(saved, plan=replace(saved.plan, unreachable={"r2": "no answer"}))
-    with pytest.raises(RefusedError, match="r2 answers, and the plan says nothing of what is wanted there"):
+    with pytest.raises(RefusedError, match="r2 answers, and the plan says that it does not"):
         check_plan(away, fleet(world), adopt=True)
     check_plan(away, fleet(world), adopt=True, signed=True)
 
 
 @pytest.mark.parametrize(("kind", "field"), [("container", "ip"), ("container", "mac"), ("network", "gateway")])
-def test_a_plan_from_elsewhere_gives_nobody_what_a_service_has_that_it_leaves_out(
-    world: World, kind: str, field: str
-) -> None:
-    """With a limit that leaves out the removal of that one, too: others asked for it, and the new one answered."""
-    saved, snapshot = reread(planned(world, FIRST)), fleet(world).gather(Detail.BASIC)
+@pytest.mark.parametrize("left", ["out", "away"])
+def test_a_plan_from_elsewhere_gives_nobody_what_a_service_has(world: World, kind: str, field: str, left: str) -> None:
+    """One that it leaves out, or wants on a robot that is away: others asked for it, and the new one answered."""
+    saved = reread(planned(world, FIRST))
     two = next(one for one in wants_of(saved) if one.name == "srprov.hello.two").params.network
-    wants = [one for one in wants_of(saved) if one.host != "r2"]
-    refuse_left_out(saved, wants, (), snapshot)
-    place = next(n for n, one in enumerate(wants) if one.module == kind)
-    end = two.mac if field == "mac" else two.ip
-    params = wants[place].params
-    where = replace(params.network, **{field: end}) if kind == "container" else end
-    changed = replace(params, **{"network" if kind == "container" else field: where})
-    wants[place] = replace(wants[place], params=changed)
-    with pytest.raises(
-        RefusedError, match=f"{end}: .* would have it, and two, of which this plan says nothing, has it"
-    ):
-        refuse_left_out(saved, wants, (), snapshot)
+    wants = list(wants_of(saved))
+    if left == "away":
+        world.robots["r2"].gone = True
+        moved = replace(two, ip="10.231.0.9", mac="02:00:00:00:00:99")  # as the file says
+        wants = [
+            replace(one, params=replace(one.params, network=moved)) if one.name == "srprov.hello.two" else one
+            for one in wants
+        ]
+    else:
+        wants = [one for one in wants if one.host != "r2"]
+    snapshot = fleet(world).gather(Detail.BASIC)
     gone = Step(
         number=1,
         host="r2",
@@ -393,4 +397,35 @@ def test_a_plan_from_elsewhere_gives_nobody_what_a_service_has_that_it_leaves_ou
         change=Change(action=Action.DELETE, cause=""),
         want=None,
     )
+    if left == "out":
+        with pytest.raises(RefusedError, match="two on r2, of which this plan says nothing"):
+            refuse_left_out(saved, wants, (), snapshot)
     refuse_left_out(saved, wants, (gone,), snapshot)
+    place = next(n for n, one in enumerate(wants) if one.module == kind and one.host == "r1")
+    end = two.mac if field == "mac" else two.ip
+    params = wants[place].params
+    where = replace(params.network, **{field: end}) if kind == "container" else end
+    changed = replace(params, **{"network" if kind == "container" else field: where})
+    wants[place] = replace(wants[place], params=changed)
+    with pytest.raises(RefusedError, match=f"{end}: .* would have it, and two has it"):
+        refuse_left_out(saved, wants, (), snapshot)
+    refuse_left_out(saved, wants, (gone,), snapshot)
+
+
+@pytest.mark.parametrize("wrong", ["elsewhere", "nobody", "no record"])
+def test_a_plan_file_s_placement_is_that_of_what_it_wants(world: World, wrong: str) -> None:
+    """It is shown, and what robots keep of it tells what a later file leaves out."""
+    saved = reread(planned(world, FIRST))
+    assignment, also = dict(saved.plan.assignment), saved.also_wanted
+    if wrong == "elsewhere":
+        assignment["two"], says = "r3", "assignment: 'two' is wanted on r2"
+    elif wrong == "nobody":
+        assignment["safety"], says = "r2", "assignment: nothing of 'safety' is wanted"
+    else:
+        also, says = (
+            tuple(one for one in also if not one.name.endswith("placement.json")),
+            "r1: no record of the placement",
+        )
+    steps = tuple(one for one in saved.plan.steps if wrong != "no record" or not one.name.endswith("placement.json"))
+    with pytest.raises(UsageError, match=says):
+        check_file(replace(saved, plan=replace(saved.plan, assignment=assignment, steps=steps), also_wanted=also), "p")
