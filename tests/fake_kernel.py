@@ -121,7 +121,7 @@ class Kernel:
             if device in shown and (master := self.links[device].master):
                 shown[device].append({"mac": mac, "flags": [], "master": master, "state": "static"})
         for device, mac, dst in sorted(self.fdb):
-            shown[device].append({"mac": mac, "dst": dst, "flags": ["self"], "state": "permanent"})
+            shown.setdefault(device, []).append({"mac": mac, "dst": dst, "flags": ["self"], "state": "permanent"})
         return json.dumps([*({"ifname": name, "entries": some} for name, some in shown.items()), {}])
 
     def _json(self, index: int, link: Link) -> dict[str, Any]:

@@ -14,6 +14,7 @@ import click
 from srprov import private
 from srprov.cli import fork_options, inputs, options, output_options
 from srprov.cli.output import err, out, out_json
+from srprov.cli.output_options import no_way_above
 from srprov.codes import Code
 from srprov.errors import UsageError, visible
 
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 @click.argument("run", metavar="RUN")
 @click.option(
     "-o", "--out", "target", type=click.Path(dir_okay=False, path_type=Path), required=True, metavar="FILE",
-    help="The bundle, such as race.zip.",
+    callback=no_way_above, help="The bundle, such as race.zip.",
 )  # fmt: skip
 @click.option(
     "--with-images", "way", type=click.Choice(["none", "ours", "all"]), default="none", show_default=True,

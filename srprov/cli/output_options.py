@@ -137,8 +137,8 @@ def no_way_above(_context: click.Context, _option: click.Parameter, file: _T) ->
     return file
 
 
-def picture(context: click.Context, option: click.Parameter, path: str | None) -> str | None:
-    """Return the path of a picture that is drawn once all is known: no link leads it out, and it can be written."""
+def written(context: click.Context, option: click.Parameter, path: str | None) -> str | None:
+    """Return the path of a file that is written once all is known: no link leads it out, and it can be written."""
     return writable(context, option, no_way_above(context, option, path))
 
 

@@ -13,7 +13,7 @@ from srprov import private
 from srprov.cli import inputs, key_options, options
 from srprov.cli.codes import DIFFERENCES, UNREACHABLE
 from srprov.cli.output import clean, err_whole, out_json_whole, out_whole
-from srprov.cli.output_options import writable
+from srprov.cli.output_options import written
 from srprov.cli.stdout_guard import answers_only
 from srprov.cli.target_options import shown_part, targeting
 from srprov.codes import Code
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 @click.option("--detailed-exitcode", is_flag=True, help="Exit with 2 when something would change.")
 @click.option("--format", "form", type=click.Choice(["text", "json", "markdown"]), default="text", show_default=True)
 @click.option(
-    "-o", "--out", "target", type=click.Path(dir_okay=False), callback=writable, metavar="FILE",
+    "-o", "--out", "target", type=click.Path(dir_okay=False), callback=written, metavar="FILE",
     help="Also write the plan to a file that `apply` takes.",
 )  # fmt: skip
 @click.option(
@@ -141,9 +141,9 @@ def write_plan(
         from srprov.controller.signature import signature
 
         outputs[f"{target}.sig"] = signature(content, target, sign)
-    for name, written in outputs.items():
+    for name, data in outputs.items():
         try:
-            private.write_output(name, written)
+            private.write_output(name, data)
         except OSError as error:
             raise UsageError(
                 f"cannot write {name}: {error.strerror}", hint="name another file", code=Code.CANNOT_WRITE

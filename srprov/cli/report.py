@@ -26,7 +26,7 @@ _PIECE = 1 << 20
 
 @click.command()
 @click.argument("source", metavar="RUN|PLAN|BUNDLE")
-@click.option("-o", "--out", "target", metavar="FILE", default=None, callback=output_options.writable,
+@click.option("-o", "--out", "target", metavar="FILE", default=None, callback=output_options.written,
               help="The page, such as page.html.")  # fmt: skip
 @click.option("--extract", is_flag=True, help="Print the data inside a page that was made before.")
 @options.RUNS

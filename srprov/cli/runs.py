@@ -26,7 +26,7 @@ _SHOWN = ("begun", "verb", "instance", "result", "run")
 @click.argument("words", metavar="[DIR | show RUN]", nargs=-1)
 @options.RUNS
 @options.JSON
-@click.option("--svg", metavar="FILE", default=None, callback=output_options.picture,
+@click.option("--svg", metavar="FILE", default=None, callback=output_options.written,
               help="show: draw a number of its trials over a parameter, and over the order.")  # fmt: skip
 @click.option("--metric", default="", metavar="NAME", help="--svg: which (default: the first metric, or duration_s).")
 @click.option("--over", default="", metavar="PARAMETER", help="--svg: which (default: the first parameter).")

@@ -14,6 +14,8 @@ import gzip
 import re
 import zlib
 
+import msgspec
+
 from srprov.report.html import Html, el
 
 _PLAIN, _PACKED = "data:application/json;base64,", "data:application/gzip;base64,"
@@ -42,8 +44,17 @@ def extracted(page: bytes) -> bytes:
     """Return the data that `link` put into a page.
 
     Raises:
-        ValueError: There is none, or it is broken.
+        ValueError: There is none, or it is broken, or no JSON: whoever wrote the page may have put anything there.
     """
+    data = _data(page)
+    try:
+        msgspec.json.decode(data, type=msgspec.Raw)  # all is looked at, and nothing kept
+    except msgspec.DecodeError as error:
+        raise ValueError(f"its data is no JSON: {error}") from None
+    return data
+
+
+def _data(page: bytes) -> bytes:
     found = _LINK.search(page)
     if found is None:
         raise ValueError("it holds no data of srprov")

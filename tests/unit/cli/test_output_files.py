@@ -15,6 +15,8 @@ from click.testing import CliRunner
 from msgspec.structs import replace
 
 from srprov import regular_file
+from srprov.cli import output_options
+from srprov.cli.main import cli, run
 from srprov.cli.output_options import EVENTS
 from srprov.cli.plan import write_plan
 from srprov.controller import signature
@@ -155,3 +157,43 @@ def test_what_was_made_is_signed_whatever_lies_in_the_file_by_then(
     monkeypatch.setattr(regular_file, "read", lambda *_, **__: b"somebody else's")
     write_plan(str(tmp_path / "plan.json"), saved, Vault(), None, "key")
     assert signed == [dump(saved).encode()] == [(tmp_path / "plan.json").read_bytes()]
+
+
+def test_every_option_that_names_what_is_written_looks_where_links_lead() -> None:
+    """A clone has `data -> ../../.config/srprov`, and `-o data/srprov.toml` made a page the settings of its user."""
+    looking = {output_options.written, output_options.no_link, output_options.no_way_out, output_options.no_way_above}
+    context, seen = click.Context(cli), 0
+    for verb in cli.list_commands(context):
+        command = cli.get_command(context, verb)
+        assert command is not None
+        for one in command.params:
+            if {"-o", "--out", "--svg", "--png", "--events", "--runs"} & set(one.opts):
+                seen += 1
+                assert one.callback in looking or isinstance(one.type, output_options._Output), (verb, one.opts)
+    assert seen > 20
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("report", "page.html", "--extract", "-o", "data/srprov.toml"),
+        ("report", "run", "-o", "data/page.html"),
+        ("bundle", "run", "-o", "data/b.zip"),
+        ("collect", "e.edf", "-i", "r1,", "-o", "data/new"),
+        ("plan", "e.edf", "-i", "r1,", "-o", "data/p.json"),
+        ("run", "e.edf", "-i", "r1,", "-o", "data/run"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_no_link_of_a_project_leads_out_what_a_verb_writes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
+) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "p.json").write_text("mine")
+    (tmp_path / "clone").mkdir()
+    (tmp_path / "clone" / "data").symlink_to("../mine")
+    (tmp_path / "clone" / "e.edf").write_text("name: e\nservices:\n  a: {image: busybox}\n")
+    monkeypatch.chdir(tmp_path / "clone")
+    assert run(list(words)) == 5
+    assert "data" in capsys.readouterr().err
+    assert [(one.name, one.read_text()) for one in (tmp_path / "mine").iterdir()] == [("p.json", "mine")]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
 import json
 import shutil
 import time
@@ -301,3 +303,12 @@ def test_values_without_end_are_refused_before_they_are_in_memory(monkeypatch: p
     with pytest.raises(read.Unreadable, match="more than 1000 values"):
         read.decoded(data, PlanView)
     assert read.decoded(data.replace(b'"a",' * 99, b""), PlanView).instance == "a"
+
+
+@pytest.mark.parametrize("data", [b'inventory = ["./inv.sh"]', b"", b'{"a": 1} x', b'{"a": [1, 2}'])
+def test_what_is_no_json_is_not_taken_out_of_a_page(data: bytes) -> None:
+    """Whoever wrote it chose that: it became the settings of who took it out."""
+    for kind, packed in (("json", data), ("gzip", gzip.compress(data))):
+        page = f'<a id="data" download="x" href="data:application/{kind};base64,{base64.b64encode(packed).decode()}"'
+        with pytest.raises(ValueError, match="no JSON"):
+            extracted(page.encode())
