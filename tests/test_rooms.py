@@ -90,7 +90,7 @@ ROOMS: Mapping[str, Room] = {
     "network": room("codes errors names untrusted definitions.containermodel definitions.model facts.model"),
     "probing": room("errors names untrusted wire network"),
     # Robots that were set up by hand, as an experiment: questions and parsers, no robot and no file.
-    "snapshot": room("git_address image_reference names published redaction untrusted wire yamldoc.writer"),
+    "snapshot": room("git_address image_reference names published redaction sandbox untrusted wire yamldoc.writer"),
     "images": room(
         "codes errors plain_tar wire image_reference definitions.containermodel definitions.dockerfile"
         " definitions.model",

@@ -141,10 +141,9 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
                 check_builders([step.want for step in saved.plan.steps if step.want], fleet.inventory, snapshot)
         _check_networks(wants, saved.plan.instance, believed)
         derived = _derived(saved, wants, snapshot, look, ours=bool(owners))
-        steps = derived.steps
-        check_writers(steps, [(want.host, one) for want, one in services_of(saved)], look)
+        check_writers(derived.steps, [(want.host, one) for want, one in services_of(saved)], look)
         if not (owners or signed):  # last: of a file that was changed it is told what was
-            check_claim(saved, wants, steps, snapshot, adopt=adopt)
+            check_claim(saved, wants, derived.steps, snapshot, adopt=adopt)
         plan = _as_found(saved, derived, snapshot, look, ours=bool(owners))
     return Planned(plan=plan, saved=saved, makers=makers_of(snapshot, plan.instance, plan.source))
 

@@ -6,7 +6,6 @@ inspects these and asks apt where packages come from; further ones ask repositor
 
 from __future__ import annotations
 
-import posixpath
 import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,8 +15,8 @@ import msgspec
 from msgspec.structs import replace
 
 from srprov.names import few
-from srprov.sandbox import sandboxed
 from srprov.session import Reader
+from srprov.snapshot.changes import changes, changes_query
 from srprov.snapshot.debian import parse_policy, policy_query
 from srprov.snapshot.gitscript import TIMEOUT_S, script
 from srprov.snapshot.host import Host, read_host, with_origins
@@ -27,9 +26,7 @@ from srprov.snapshot.repositories import MOST_PATCHES, Repository, parse_reposit
 from srprov.snapshot.sources import keys_query, origins_query, parse_keys, parse_origins
 from srprov.untrusted import (
     absolute,
-    integer,
     is_of_one,
-    lines_of,
     mapping,
     mappings,
     string,
@@ -55,9 +52,6 @@ LONGEST_S = 600.0
 _INSTANCE = "srprov.instance"
 _RUNS = ("running", "paused", "restarting")
 _SHOWN = 6
-_MOST_CHANGES = 10_000
-_MOST_OF_NAMES = 1 << 20
-"""Paths in a container's own files that are looked at, and bytes of them: a container names its files as it likes."""
 
 
 class Seen(msgspec.Struct, frozen=True, kw_only=True):
@@ -179,23 +173,10 @@ def _note_changes(
         if not reply.ok:
             notes.lost(subject, "what was changed in its files cannot be listed")
             continue
-        size, _, listed = reply.out.partition("\n")
-        if changed := _changed_files(lines_of(listed, _MOST_CHANGES)):
-            bytes_ = integer(size.partition("\t")[0], high=1 << 53)
+        bytes_, changed = changes(reply.out)
+        if changed:
             shown = few([text(path, length=50) for path in changed], _SHOWN)
             notes.lost(subject, f"files changed since it was made ({bytes_} bytes): {shown}")
-
-
-def changes_query(upper: str) -> Query:
-    """Ask how many bytes of its own files a container has below a folder of the robot, and what is there."""
-    find = f"find . -xdev -mindepth 1 -printf '/%P\\n' | head -c {_MOST_OF_NAMES}"
-    return Query(command=sandboxed(upper, f"du -s -x --apparent-size -B 1 . && {find}"), timeout_s=60)
-
-
-def _changed_files(paths: Sequence[str]) -> list[str]:
-    """Return paths without the folders above them, which are told too."""
-    folders = {posixpath.dirname(path) for path in paths}
-    return sorted({*paths} - folders - {""})
 
 
 def _repositories(reader: Reader, host: Host, notes: Notes) -> Iterator[Repository]:

@@ -20,10 +20,10 @@ from srprov import data
 from srprov.codes import Code
 from srprov.controller.fleet import Fleet
 from srprov.controller.snapshot import snapshot
-from srprov.controller.snapshot_look import changes_query
 from srprov.definitions import load_experiment
 from srprov.errors import TransportError, UsageError
 from srprov.images.dockerfile import render_dockerfile
+from srprov.snapshot.changes import changes_query
 from srprov.snapshot.questions import QUESTIONS
 from srprov.wire import AnyQuery, EngineQuery, Query, Reply
 
