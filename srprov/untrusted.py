@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NoReturn
 
 TEXT_LENGTH = 200
@@ -27,7 +27,7 @@ _MOST_LEVELS_OF_ROBOTS = 50
 _MOST_CONTAINERS = 400_000
 """Lists and maps in a robot's JSON; an empty one takes two characters, and thirty times that in memory."""
 MAX_JSON_VALUES = 2_000_000
-"""Brackets, commas and colons of a text: each value of JSON has one, and takes about 100 bytes of memory."""
+"""Brackets, commas and colons outside of strings: each value of JSON has one, and takes about 100 bytes of memory."""
 MOST_OF_ONE = 512 << 10
 """Characters of what an engine says of one container or image; they are some ten thousand."""
 _MOST_NESTED = 20_000
@@ -39,6 +39,8 @@ _INTEGER = re.compile(r"-?[0-9]{1,18}")
 _LONG_NUMBER = re.compile("[0-9]{20}")
 """Each number that is too large has so many digits; so have some that are none, as in a hash."""
 _DECIMAL = re.compile(r"-?[0-9]{1,18}(\.[0-9]{1,18})?")
+_NO_MARKS = bytes(set(range(256)) - set(b'"[{,:'))
+_PIECE = 1 << 16
 _CONTAINERS: frozenset[type] = frozenset({dict, list})
 _TOO_DEEP = f"it is nested more than {MAX_JSON_DEPTH} levels deep"
 
@@ -72,31 +74,56 @@ def json_of_robot(source: str) -> Any:  # noqa: ANN401 - JSON is any
     Raises:
         ValueError: It is broken, or beyond the limits.
     """
-    if source.count("[") + source.count("{") > _MOST_CONTAINERS:
-        raise ValueError(f"it holds more than {_MOST_CONTAINERS} lists and maps")
     decoder = _FILE_DECODER if _LONG_NUMBER.search(source) else _ROBOT_DECODER
-    return _parse(source, decoder, MAX_JSON_CHARACTERS, levels=_MOST_LEVELS_OF_ROBOTS)
+    return _parse(source, decoder, MAX_JSON_CHARACTERS, max_containers=_MOST_CONTAINERS, levels=_MOST_LEVELS_OF_ROBOTS)
 
 
 def is_of_one(source: str) -> bool:
     """Tell whether what an engine says of one container or image is no longer than any needs: many are kept at once."""
-    return len(source) <= MOST_OF_ONE and source.count("[") + source.count("{") <= _MOST_NESTED
+    return len(source) <= MOST_OF_ONE and not _holds_more(source, _MOST_NESTED, MOST_OF_ONE)
 
 
 def _parse(
     source: str, decoder: json.JSONDecoder, max_characters: int, max_values: int = MAX_JSON_VALUES,
-    levels: int = MAX_JSON_DEPTH,
+    max_containers: int = MAX_JSON_VALUES, levels: int = MAX_JSON_DEPTH,
 ) -> Any:  # fmt: skip  # noqa: ANN401 - JSON is any
     if len(source) > max_characters:
         raise ValueError(f"it is longer than {max_characters} characters")
-    if sum(map(source.count, "[{,:")) > max_values:
-        raise ValueError(f"it holds more than {max_values} values")
+    if more := _holds_more(source, max_containers, max_values):
+        raise ValueError(f"it holds more than {more}")
     try:
         value = decoder.decode(source)
     except RecursionError:
         raise ValueError(_TOO_DEEP) from None
     _check_depth(value, levels)
     return value
+
+
+def _holds_more(source: str, max_containers: int, max_values: int) -> str:
+    """Return which limit a text is beyond, or "". Strings do not count: a label of brackets is one value."""
+    count: Callable[[str], int] = source.count
+    for is_bare in (False, True):
+        containers = count("[") + count("{")
+        values = containers + count(",") + count(":")
+        if containers <= max_containers and values <= max_values:
+            return ""
+        if not is_bare:
+            count = _marks_outside_strings(source).count
+    return f"{max_containers} lists and maps" if containers > max_containers else f"{max_values} values"
+
+
+def _marks_outside_strings(source: str) -> str:
+    """Return the brackets, commas and colons that are in no string, in a time that is linear whatever the text is."""
+    escaped = source.encode("ascii", "ignore").replace(rb"\\", b"").replace(rb"\"", b"")
+    # two quotes side by side, with nothing that counts in between, change nothing
+    marks = escaped.translate(None, _NO_MARKS).replace(b'""', b"")
+    found: list[bytes] = []
+    is_inside = 0
+    for start in range(0, len(marks), _PIECE):  # in pieces, as each string takes fifty bytes here
+        parts = marks[start : start + _PIECE].split(b'"')
+        found.append(b"".join(parts[is_inside::2]))
+        is_inside = (is_inside + len(parts) - 1) % 2
+    return b"".join(found).decode()
 
 
 def _check_depth(value: object, levels: int) -> None:

@@ -125,6 +125,51 @@ def test_json_of_very_many_lists_is_none() -> None:
     assert json_or_none("[" + "[]," * 1000 + "[]]") == [[]] * 1001
 
 
+@pytest.mark.parametrize("piece", ["[", "{", ",", ":", '\\"[', "\\\\[", "é["])
+def test_what_stands_in_strings_is_no_list_and_no_value(piece: str) -> None:
+    """An image of a stranger has labels as long as its author likes; they stand in every answer of its robot."""
+    label = piece * (2_100_000 // len(piece) + 1)
+    source = f'[{{"Labels": {{"note": "{label}"}}, "Id": "a"}}]'
+    (box,) = json_or_none(source)
+    assert box["Id"] == "a" and len(box["Labels"]["note"]) > 1_000_000
+    assert parse_json(source) == [box]
+    of_one = json.dumps({"Labels": {"note": "[" * 400_000 + '\\"'}})
+    assert untrusted.is_of_one(of_one)
+
+
+@pytest.mark.parametrize("said", ['""', '"\\\\"', '"\\""', '"a","é"', '"\\\\\\"a"'])
+def test_strings_hide_no_list_and_no_value(said: str) -> None:
+    """Counted as the parser would: a quote that is escaped ends no string, one behind two backslashes does."""
+    lists, values = (f"[{said},{piece * times}1]" for piece, times in (("[],", 400_001), ("1,", 2_000_001)))
+    for source, why in ((lists, "more than 400000 lists and maps"), (values, "more than 2000000 values")):
+        with pytest.raises(ValueError, match=why):
+            untrusted.json_of_robot(source)
+    assert not untrusted.is_of_one(f"[{said},{'[],' * 20_000}1]")
+
+
+@given(st.recursive(st.text('"\\[{,:é\n'), lambda inner: st.lists(inner) | st.dictionaries(st.text('"[\\'), inner)))
+def test_as_many_marks_are_outside_strings_as_values_have(value: object) -> None:
+    def marks(one: object) -> int:
+        if not isinstance(one, (dict, list)):
+            return 0
+        inner = one.values() if isinstance(one, dict) else one
+        return 1 + max(0, len(one) - 1) + isinstance(one, dict) * len(one) + sum(map(marks, inner))
+
+    for source in (json.dumps(value), json.dumps(value, ensure_ascii=False)):
+        assert len(untrusted._marks_outside_strings(source)) == marks(value)
+
+
+_LONG = ['"', "\\", '"\\', '\\"', '["', '"",', '"a"a', '"[["[[', '"\\\\a"[[', 'é"', "["]
+
+
+@pytest.mark.parametrize("piece", _LONG)
+@pytest.mark.parametrize("before", ["[", '["', '["' + "[" * 400_001])
+def test_no_strings_take_long_to_be_left_out(before: str, piece: str) -> None:
+    source = (before + piece * ((8 << 20) // len(piece)))[: 8 << 20]
+    with within(0.6):
+        untrusted._marks_outside_strings(source)
+
+
 @pytest.mark.parametrize(
     "said", ["[" * 60 + "]" * 60, '{"a": 18446744073709551617}', '{"a": -100000000000000000000}'],
     ids=("deep", "large", "small"),
