@@ -13,10 +13,10 @@ from typing import Protocol, TypeVar
 from msgspec.structs import replace
 
 from srprov.codes import Code
-from srprov.definitions import merging, mounts, values
-from srprov.definitions.containermodel import EVERYWHERE, HealthCheck, Logging, Port, Runtime
+from srprov.definitions import merging, mounts, ports, values
+from srprov.definitions.containermodel import HealthCheck, Logging, Runtime
 from srprov.definitions.hostnames import extra_hosts
-from srprov.definitions.values import Device, flag, guarded, scalars, text, text_map, texts
+from srprov.definitions.values import Device, flag, guarded, text, text_map, texts
 from srprov.names import label_fault
 from srprov.yamldoc import nodes
 from srprov.yamldoc.fields import size_in_bytes
@@ -70,8 +70,8 @@ def _read(layer: Map, folder: str, findings: Findings, path: Path, *, init: bool
         healthcheck=healthcheck(get("healthcheck"), findings, (*path, "healthcheck")),
         mounts=mounts.parse(get("volumes"), get("tmpfs"), get("data"), folder, findings, path),
         devices=_devices(get("devices")),
-        ports=_ports(get("ports"), findings, (*path, "ports")),
-        expose=_exposed(get("expose"), findings, (*path, "expose")),
+        ports=ports.published(get("ports"), findings, (*path, "ports")),
+        expose=ports.exposed(get("expose"), findings, (*path, "expose")),
         ulimits=_ulimits(get("ulimits"), findings, (*path, "ulimits")),
         cap_add=texts(get("cap_add")),
         cap_drop=texts(get("cap_drop")),
@@ -207,33 +207,6 @@ def _logging(node: Node | None) -> Logging | None:
 def _devices(node: Node | None) -> tuple[Device, ...]:
     by_inside = {spec[1]: spec for spec in map(values.device, texts(node))}
     return tuple(by_inside.values())
-
-
-def _ports(node: Node | None, findings: Findings, path: Path) -> tuple[Port, ...]:
-    taken: dict[tuple[int, str], dict[str, Node]] = {}
-    every: list[Port] = []
-    none: tuple[Port, ...] = ()
-    for item in scalars(node):
-        for port in guarded(lambda given: values.ports(text(given)), item, none, findings, path):
-            others = taken.setdefault((port[1], port[3]), {})  # by address
-            same = others if port[0] in EVERYWHERE else (port[0], *EVERYWHERE)
-            first = next((others[one] for one in same if one in others), None)
-            if first is not None:
-                message = f"port {port[1]}/{port[3]} is published twice; already on line {first.line}"
-                findings.add(item, message, path, code=Code.WRONG_VALUE)
-                break
-            others[port[0]] = item
-            every.append(port)
-            if len(every) > values.MOST_PORTS:
-                findings.add(item, f"more than {values.MOST_PORTS} ports are published", path, code=Code.TOO_LARGE)
-                return none
-    return tuple(every)
-
-
-def _exposed(node: Node | None, findings: Findings, path: Path) -> tuple[tuple[int, str], ...]:
-    none: tuple[tuple[int, str], ...] = ()
-    found = [guarded(lambda given: values.exposed(text(given)), item, none, findings, path) for item in scalars(node)]
-    return tuple(dict.fromkeys(port for ports in found for port in ports))
 
 
 def _ulimits(node: Node | None, findings: Findings, path: Path) -> tuple[tuple[str, int, int], ...]:

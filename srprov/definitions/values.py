@@ -22,7 +22,7 @@ _LONGEST_COMMAND = 100_000
 """Characters; no kernel takes a longer word."""
 _LONGEST_S = 24 * 3600.0
 MOST_PORTS = 1000
-"""That a service may publish: Docker starts a process for each."""
+"""That a service may publish, as Docker starts a process for each, and that it may expose."""
 _PORT = re.compile(
     r"(?:(?P<address>\[[0-9a-fA-F:]+\]|[0-9]+(?:\.[0-9]+){3}):)?"
     r"(?:(?P<published>[0-9-]+):)?(?P<inside>[0-9-]+)(?:/(?P<kind>tcp|udp))?",
@@ -151,7 +151,10 @@ def ports(spec: str) -> tuple[Port, ...]:
 def exposed(spec: str) -> tuple[tuple[int, str], ...]:
     """Read `port[-port][/protocol]`."""
     numbers, _, kind = spec.partition("/")
-    return tuple((port, kind or "tcp") for port in _range(numbers))
+    found = _range(numbers)
+    if len(found) > MOST_PORTS:
+        raise ValueError(f"'{spec}' exposes {len(found)} ports; {MOST_PORTS} are the most")
+    return tuple((port, kind or "tcp") for port in found)
 
 
 def _range(spec: str) -> range:

@@ -58,8 +58,9 @@ def broken(run: Runtime) -> Iterator[str]:
     for name in _LISTS:
         if len(getattr(run, name)) > _MOST:
             yield f"{name}: more than {_MOST} entries"
-    if len(run.ports) > _MOST_PORTS:
-        yield f"ports: more than {_MOST_PORTS} are published"
+    for name, ports in (("ports", run.ports), ("expose", run.expose)):
+        if len(ports) > _MOST_PORTS:
+            yield f"{name}: more than {_MOST_PORTS} ports"
     for name, form in _ITEMS.items():
         yield from (f"{name}: {one[:60]!r} cannot be" for one in getattr(run, name) if not form.fullmatch(one))
     for name, *ends in run.ulimits:

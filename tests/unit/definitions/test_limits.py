@@ -39,6 +39,14 @@ EDFS = {
         service(f"ports: [{', '.join(f'{one}-{one + 999}' for one in range(1000, 60000, 1000))}]"),
         "more than 1000 ports are published",
     ),
+    "a range of exposed ports": (
+        edf("".join(f"  s{i}: {{image: x, expose: ['1-65535/tcp', '1-65535/udp']}}\n" for i in range(40))),
+        ":4:27: error[SRP-108]: '1-65535/tcp' exposes 65535 ports; 1000 are the most",
+    ),
+    "ranges of exposed ports": (
+        service(f"expose: [{', '.join(f'{one}-{one + 999}' for one in range(1000, 60000, 1000))}]"),
+        ":4:37: error[SRP-110]: more than 1000 ports are exposed",
+    ),
     "a port of overlays' links": (
         service("ports: ['127.0.0.1:760-770:760-770/udp']"),
         "publishes UDP port 4789, or one from 768 to 1023; overlays have those",
@@ -136,6 +144,7 @@ LARGE = {
     "one port at many addresses": edf(
         services(18, lambda i: listed("ports", (f"'10.{i}.{j >> 8}.{j & 255}:80:80'" for j in ROWS)))
     ),
+    "exposed ports": edf(services(1000, lambda i: f"expose: ['{i + 1}-{i + 1000}/udp']")),
     "further names": edf(
         PLAIN + services(16, lambda i: listed("extra_hosts", (f"'x-{i}-{j}:10.0.0.1'" for j in ROWS)))
     ),
