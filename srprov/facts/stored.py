@@ -14,9 +14,16 @@ from srprov.codes import Code
 from srprov.errors import UsageError
 from srprov.facts.links import is_a_hosts
 from srprov.facts.model import Docker, HostFacts, Link, Snapshot
+from srprov.untrusted import LIST_LENGTH
 
 _HINT = "give a file that `srprov facts --json` wrote"
 _WITHIN = (("memory_available", "memory_total"), ("swap_free", "swap_total"), ("disk_free", "disk_total"))
+_MOST_ROBOTS = 10_000
+"""As inventories have hosts."""
+_MOST_LINKS = 100_000
+"""Of all robots; a file has no room for as many that are written out."""
+_MOST_ENTRIES = 8 * LIST_LENGTH
+"""Of one list. What robots are asked for is less, also with what an inventory adds."""
 
 
 def read_document(document: Any) -> Snapshot:  # noqa: ANN401 - JSON is any
@@ -27,7 +34,14 @@ def read_document(document: Any) -> Snapshot:  # noqa: ANN401 - JSON is any
     """
     if not isinstance(document, Mapping) or not isinstance(document.get("robots"), Mapping):
         raise UsageError("no 'robots' in the facts", hint=_HINT, code=Code.FACTS_FILE)
-    facts = {str(name): read_facts(str(name), values) for name, values in sorted(document["robots"].items())}
+    robots = document["robots"]
+    links = sum(len(one["links"]) for one in robots.values() if isinstance(one, dict) and _is_list(one.get("links")))
+    for count, most, what in ((len(robots), _MOST_ROBOTS, "robots"), (links, _MOST_LINKS, "links of robots")):
+        if count > most:
+            raise UsageError(
+                f"there are facts of {count} {what}; {most} are the most", hint=_HINT, code=Code.FACTS_FILE
+            )
+    facts = {str(name): read_facts(str(name), values) for name, values in sorted(robots.items())}
     away = document.get("unreachable", {})
     unreachable = {str(name): str(why) for name, why in away.items()} if isinstance(away, Mapping) else {}
     return Snapshot(facts=facts, observed={name: () for name in facts}, unreachable=unreachable)
@@ -42,8 +56,9 @@ def read_facts(name: str, values: Any) -> HostFacts:  # noqa: ANN401 - JSON is a
     if not isinstance(values, Mapping):
         raise UsageError(f"the facts of '{name}' are not a map", hint=_HINT, code=Code.FACTS_FILE)
     try:
+        _check_lengths(values)
         given = _fields(HostFacts, values)
-        given["links"] = tuple(Link(**_fields(Link, link)) for link in values.get("links", ()))
+        given["links"] = tuple(_link(one) for one in values.get("links", ()))
         docker = values.get("docker")
         given["docker"] = Docker(**_fields(Docker, docker)) if docker is not None else None
         facts = HostFacts(**{**given, "name": name})
@@ -55,6 +70,21 @@ def read_facts(name: str, values: Any) -> HostFacts:  # noqa: ANN401 - JSON is a
         return facts
     except (TypeError, AttributeError, OverflowError) as error:
         raise UsageError(f"the facts of '{name}' cannot be read: {error}", hint=_HINT, code=Code.FACTS_FILE) from error
+
+
+def _link(values: Mapping[str, Any]) -> Link:
+    _check_lengths(values)
+    return Link(**_fields(Link, values))
+
+
+def _is_list(value: object) -> bool:
+    return isinstance(value, list)
+
+
+def _check_lengths(values: Mapping[str, Any]) -> None:
+    for name, value in values.items():
+        if _is_list(value) and len(value) > _MOST_ENTRIES:
+            raise TypeError(f"'{name[:60]}' has {len(value)} entries; {_MOST_ENTRIES} are the most")
 
 
 def _fields(kind: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
