@@ -69,7 +69,7 @@ NETWORK = {"Name": "n", "Labels": OURS, "Options": {"com.docker.network.bridge.n
         ("file", [f"{FILE}/."]), ("secret", [f"{SHA}  ./x/secrets/.."]), ("secret", [f"{SHA}  ./x/secrets/\0"]),
         ("tree", ["/var/lib/srprov/x/trees/.."]), ("tree", ["/var/lib/srprov/x/trees/a\0"]),
         ("vxlan", [[{**LINK, "ifname": "srpv\0"}], []]),
-        ("vxlan", [[LINK], [{"ifname": "srpv1", "mac": "02:00:00:00:00:01", "dst": "10.0.0.1\0"}]]),
+        ("vxlan", [[LINK], [{"ifname": "srpv1", "entries": [{"mac": "02:00:00:00:00:01", "dst": "10.0.0.1\0"}]}]]),
         ("network", [[NETWORK]]),
         ("volume", [{"Volumes": [{"Name": "srprov.x.d", "Labels": OURS, "Mountpoint": "/a\0"}]}]),
     ],
