@@ -47,8 +47,10 @@ _EMPTIED = re.compile(
 )
 _TOLD = re.compile(r"docker (volume|container) inspect --format .* -- (\S+)\Z", re.DOTALL)
 _HAVING = re.compile(r"ids=\$\(docker ps -aq --no-trunc --filter volume=(\S+)\) && .*", re.DOTALL)
-_FILLED = re.compile(r"from=/var/lib/docker/volumes/(\S+)/_data to=/var/lib/docker/volumes/(\S+)/_data; mv -T")
-_IS_EMPTY = re.compile(r"\[ -d /var/lib/docker/volumes/(\S+)/_data \] && \[ -z .* echo ([0-9]+)")
+_FILLED = re.compile(
+    r"from=/var/lib/docker/volumes/(\S+)/_data to=/var/lib/docker/volumes/(\S+)/_data; (?:mv -T|chown)"
+)
+_IS_EMPTY = re.compile(r"\[ ! -d /var/lib/docker/volumes/(\S+)/_data \] \|\| echo ([0-9]+) ")
 _LOGS = re.compile(r"docker logs --tail (\d+) (\S+) 2>&1")
 
 
@@ -300,7 +302,7 @@ class FakeRobot:
         if match := _HAVING.fullmatch(command):
             return self.engine.having(match[1])
         if asked := _IS_EMPTY.findall(command):
-            return Reply(status=0, out="".join(f"{n}\n" for name, n in asked if name not in self.engine.data))
+            return Reply(status=0, out="".join(f"{n} {self.engine.data.get(name, '')[:1]}\n" for name, n in asked))
         if command.startswith("ss "):
             return Reply(status=0, out="".join(f"{line}\n" for line in self.listening))
         if asked := _THERE.findall(command):

@@ -11,7 +11,6 @@ import click
 from srprov.cli import inputs, options
 from srprov.cli.codes import FAILED, UNREACHABLE
 from srprov.cli.output import counted, err, out, out_json, tell_unreachable
-from srprov.cli.output_options import no_way_out
 from srprov.codes import Code
 from srprov.errors import UsageError, visible
 
@@ -25,7 +24,7 @@ _MOST_TOLD = 1000
 @options.INSTANCE
 @click.option(
     "-o", "--out", "target", type=click.Path(file_okay=False, path_type=Path), required=True, metavar="DIR",
-    callback=no_way_out, help="Where it comes: a new folder, or one of an earlier collect of the same instance.",
+    help="Where it comes: a new folder, or one of an earlier collect of the same instance.",
 )  # fmt: skip
 def collect(
     file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str, target: Path

@@ -9,13 +9,10 @@ from typing import Any, TypeVar, cast
 
 import click
 
-from srprov.cli.output_options import no_way_out
-
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 _OPTIONS = (
     click.option("-o", "--out", "target", type=click.Path(file_okay=False, path_type=Path), default=None, metavar="DIR",
-                 callback=no_way_out,
                  help="Where the run is kept (default: a new folder below ~/.local/state/srprov/trials)."),
     click.option("--resume", is_flag=True, help="Go on with the run in DIR: only what has not ended is run."),
     click.option("--only", multiple=True, metavar="TRIAL|POINT",

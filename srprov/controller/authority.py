@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from srprov.codes import Code
 from srprov.controller.image_claim import is_own_image
 from srprov.controller.overlay_claim import astray, had_twice, underlays_of, vteps_of, wrong_link
-from srprov.controller.placement_claim import PlacementClaim, misplaced
+from srprov.controller.placement_claim import PlacementClaim, misplaced, unrecorded
 from srprov.controller.robot_files import is_record_path
 from srprov.controller.stated import definition_of, led_elsewhere, pulled_for_nobody, sent_for_nobody, unstated
 from srprov.definitions.containermodel import ContainerDefinition
@@ -78,7 +78,8 @@ def asked(saved: PlanFile) -> tuple[Permission, ...]:
     # of what is right already, only checks are asked on the robots
     strange = [want for want in steps if not _is_own(want, names, plan, contexts, built, claim)]
     strange += [want for want in saved.also_wanted if want.module in PROBING]
-    more = (*astray(steps, wants_of(saved), underlays_of(saved)), *unstated(wants_of(saved)))
+    wants = wants_of(saved)
+    more = (*astray(steps, wants, underlays_of(saved)), *unstated(wants), *unrecorded(wants))
     strange += [want for want in more if want not in strange]
     return (
         *permissions(whole, builds),

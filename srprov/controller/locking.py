@@ -18,6 +18,7 @@ from srprov.controller.permissions import permit_planning
 from srprov.controller.pins import Names, branch_text, file_hashes, names_of, short
 from srprov.controller.repositories import commit_of, tree
 from srprov.controller.source import fetched
+from srprov.definitions import refuse_link_out
 from srprov.definitions.lockfile import Lock
 from srprov.definitions.model import Definitions, Inventory
 from srprov.errors import UsageError, did_you_mean, visible
@@ -55,6 +56,7 @@ def draft(file: str, old: Lock, update: Collection[str], allowed: Collection[str
         DefinitionError, RefusedError: As `read_definitions` says.
         UsageError: A name to look up again is none, a repository cannot be reached, or a file cannot be read.
     """
+    refuse_link_out(file)
     kept = _without(old, update)
     commits = dict(kept.commits)
 

@@ -16,6 +16,7 @@ from srprov.modules.vxlan_filter import VxlanFilterParams
 from srprov.modules.wireguard import WireguardParams
 from srprov.modules.wireguard_peers import WireguardPeersParams, host_of
 from srprov.network.addresses import is_free
+from srprov.network.identity import network_name
 from srprov.network.record import read_record
 from srprov.planning.plan import Step
 from srprov.planning.planfile import PlanFile
@@ -190,16 +191,19 @@ def of_others(
     known = {want.params.service for want in wants if isinstance(want.params, ContainerParams)}
     gone = {(step.host, step.name) for step in steps if step.want is None}
     there = {(host, one.name) for host, some in snapshot.observed.items() for one in some}
+
+    def stays(robot: str, name: str) -> bool:
+        return (robot, name) not in gone and (robot not in snapshot.facts or (robot, name) in there)
+
     records = [some[instance] for some in snapshot.records.values() if instance in some]
     for record in filter(None, map(read_record, records)):
-        for name, robot in record.robots.items():
-            place = robot, container_name(instance, name)
-            if name not in known and place not in gone and (robot not in snapshot.facts or place in there):
-                yield f"{name} on {robot}, of which this plan says nothing"
-        ends = [(str(ip), name) for name, ip in record.addresses.items()]
-        ends += [(mac, name) for name, mac in record.macs.items()]
-        ends += [(str(ip), f"the bridge on {robot}") for robot, ip in record.gateways.items()]
+        staying = {name for name, robot in record.robots.items() if stays(robot, container_name(instance, name))}
+        for name in staying - known:
+            yield f"{name} on {record.robots[name]}, of which this plan says nothing"
+        ends = [(str(ip), name) for name, ip in record.addresses.items() if name in staying]
+        ends += [(mac, name) for name, mac in record.macs.items() if name in staying]
+        ends += [(str(ip), f"the bridge on {robot}") for robot, ip in record.gateways.items()
+                 if stays(robot, network_name(instance))]  # fmt: skip
         for end, name in ends:
-            place = record.robots.get(name, name.rpartition(" ")[2]), container_name(instance, name)
-            if mine.get(end, name) != name and name not in moving and place not in gone:
+            if mine.get(end, name) != name and name not in moving:
                 yield f"{end}: {mine[end]} would have it, and {name} has it"

@@ -77,17 +77,20 @@ class PlacementClaim:
 
 
 def misplaced(plan: Plan, wants: Sequence[Resource]) -> Iterator[str]:
-    """Say what a plan's placement, which is shown, says otherwise than what it wants; and where it states no record.
-
-    Without its record, nobody knows later what a robot has, and what of it a further plan leaves out.
-    """
+    """Say what a plan's placement, which is shown, says otherwise than what it wants."""
     homes = {one.params.service: one.host for one in wants if isinstance(one.params, ContainerParams)}
     for service, robot in sorted(homes.items()):
-        if plan.assignment.get(service) != robot:
+        if plan.assignment.get(service, robot) != robot:
             yield f"assignment: '{service}' is wanted on {robot}"
     strange = {name for name, robot in plan.assignment.items() if robot not in plan.unreachable} - homes.keys()
-    for service in sorted(strange) if homes else ():
+    for service in sorted(strange) if homes and not plan.playbooks else ():
         yield f"assignment: nothing of '{service}' is wanted"
+
+
+def unrecorded(wants: Sequence[Resource]) -> Iterator[Resource]:
+    """Yield the containers on robots for which no record of the placement is wanted, as srprov's own playbooks do.
+
+    Without it, nobody knows later what a robot has, and what of it a further plan leaves out.
+    """
     recorded = {one.host for one in wants if isinstance(one.params, FileParams) and is_record_path(one.name)}
-    for robot in sorted({*homes.values()} - recorded):
-        yield f"{robot}: no record of the placement is wanted there"
+    yield from (one for one in wants if isinstance(one.params, ContainerParams) and one.host not in recorded)

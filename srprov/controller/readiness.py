@@ -97,8 +97,8 @@ def check_ready(
     """
     new = _new_services(steps, anew, placed.experiment)
     answers = look.ask_each({robot: (*asked_of(services), *QUERIES) for robot, services in new.items()})
-    replies = of_those_that_told(answers)
-    now = replace(snapshot, taken={robot: taken_ports(said[ASKED:]) for robot, said in replies.items()})
+    replies = of_those_that_told(answers)  # ports are known in any case
+    now = replace(snapshot, taken={robot: taken_ports(said[ASKED:]) for robot, said in answers.items()})
     held = holders({}, {}, of_others(now, instance, placed.experiment, placed.previous))
     missing = [line for robot, said in replies.items() for line in missing_folders(robot, new[robot], said[0])]
     taken = [
@@ -116,7 +116,7 @@ def check_ready(
             "robots are not ready for the new containers:\n" + "\n".join(wrong), hint=hint, code=Code.NO_ROOM
         )
     absent = (f"{line}, unless a playbook makes it" for line in missing)
-    return (*absent, *told(new, replies, snapshot, instance)), leads_of(new, replies)
+    return (*absent, *told(new, replies, snapshot, instance)), leads_of(new, answers)
 
 
 def with_log_drivers(steps: Iterable[Step], snapshot: Snapshot, look: Gathering) -> Snapshot:

@@ -49,8 +49,8 @@ def notes_of_robots(
             service = MODULES[step.module].service_of(step.name, step.want.params)
             if service and (any(binds(service)) or service.runtime.devices):
                 new.setdefault(step.host, []).append(service)
-    replies = of_those_that_told(look.ask_each({robot: asked_of(services) for robot, services in new.items()}))
-    return tuple(told(new, replies, snapshot, instance)), leads_of(new, replies)
+    replies = look.ask_each({robot: asked_of(services) for robot, services in new.items()})
+    return tuple(told(new, of_those_that_told(replies), snapshot, instance)), leads_of(new, replies)
 
 
 def of_those_that_told(replies: Mapping[str, Sequence[Reply]]) -> dict[str, Sequence[Reply]]:
@@ -61,7 +61,9 @@ def of_those_that_told(replies: Mapping[str, Sequence[Reply]]) -> dict[str, Sequ
 def leads_of(new: Mapping[str, Sequence[Service]], replies: Mapping[str, Sequence[Reply]]) -> Leads:
     """Return where the folders of new services lead, by the replies to `asked_of`; of who did not tell: nowhere."""
     return {
-        robot: _leads(some, replies[robot][0]) if robot in replies else dict.fromkeys(_all_sources(some), NOT_TOLD)
+        robot: _leads(some, replies[robot][0])
+        if robot in replies and replies[robot][0].ok
+        else dict.fromkeys(_all_sources(some), NOT_TOLD)
         for robot, some in new.items()
     }
 
@@ -76,7 +78,7 @@ def told(
 ) -> Iterator[str]:
     """Yield a line for each folder or device that is more than its name, by the replies to `asked_of`.
 
-    And for each robot that did not tell: what nobody can show is not made there, as all of its folders lead nowhere.
+    And for each robot that did not tell all of it. Where its folders lead is compared when containers are made.
     """
     for robot in sorted(new.keys() - replies.keys()):
         yield f"{robot}: it does not say what the folders and devices of its new containers are"

@@ -20,12 +20,14 @@ from srprov.modules.container_leftover import BUILD, FILLING
 from srprov.modules.module import INSTANCE, SOURCE, canonical
 from srprov.modules.volume import HALF
 from srprov.session import Session
-from srprov.untrusted import string, string_map
+from srprov.untrusted import mapping, string, string_map
 from srprov.wire import EngineCall, EngineQuery, Reply, Run, quote
 
 _FILL_S = 900.0
 """An image's files for a volume may be many."""
-_TAKE_PLACE = """mv -T "$from" "$to" 2>/dev/null && mkdir "$from" || [ -d "$from" ] || exit"""
+_ALIKE = 'chown "$(stat -c %u:%g "$to")" "$from" && chmod "$(stat -c %a "$to")" "$from" || exit'
+"""An image that has nothing there leaves it so; one that has a folder there gives it the owner and mode of that."""
+_TAKE_PLACE = 'mv -T "$from" "$to" && mkdir "$from" || [ "$(ls -A "$to")" ] || exit'
 """Renames a folder to one that is empty; where it is not by now, it keeps what it has."""
 
 
@@ -49,13 +51,17 @@ def filled(create: EngineCall, body: Mapping[str, Any], empty: Mapping[str, str]
         made = session.execute(_volume(fresh, own))
         if not made.ok:
             return made
+    lines, failed = _lines({new[name]: place for name, place in empty.items()}, session)
+    failed = failed or session.execute(Run(script="\n".join(f"{line} {_ALIKE}" for line in lines)))
+    if not failed.ok:
+        return failed
     filler = f"{FILLING}{word}"
     made = session.execute(_filler(create, body, filler, new))
     if not made.ok and not made.status:
         return made  # it may go on for long: the next run removes what it leaves
     removed = [session.execute(remove(filler))]
     if made.ok and removed[0].ok:
-        removed.append(_moved({new[name]: place for name, place in empty.items()}, session))
+        removed.append(session.execute(Run(script="\n".join(f"{line} {_TAKE_PLACE}" for line in lines))))
     removed += [
         session.execute(EngineCall(method="DELETE", path=f"/volumes/{one}", accept=(204, 404))) for one in new.values()
     ]
@@ -71,7 +77,7 @@ def _filler(create: EngineCall, body: Mapping[str, Any], name: str, new: Mapping
     mounts = [
         {"Type": "volume", "Source": new[one["Source"]], "Target": one["Target"]}
         for one in body["HostConfig"]["Mounts"]
-        if one.get("Source") in new
+        if one.get("Source") in new and one.get("VolumeOptions", {}).get("NoCopy") is not True
     ]
     made = {
         "Image": body["Image"],
@@ -87,14 +93,16 @@ def _filler(create: EngineCall, body: Mapping[str, Any], name: str, new: Mapping
     )
 
 
-def _moved(to: Mapping[str, str], session: Session) -> Reply:
-    """Give each new volume's folder the place of the real one; `to` is new volume -> that."""
-    about = session.ask([EngineQuery(path=f"/volumes/{one}") for one in to])
+def _lines(to: Mapping[str, str], session: Session) -> tuple[list[str], Reply | None]:
+    """Return for each new volume what names its folder and that of the real one, or what went wrong.
+
+    `to` is new volume -> folder of the real one.
+    """
     lines = []
-    for reply, place in zip(about, to.values(), strict=True):
-        body = reply.json() if reply.ok else None
-        lies = string(body.get("Mountpoint")) if isinstance(body, dict) else ""
+    for reply, place in zip(session.ask([EngineQuery(path=f"/volumes/{one}") for one in to]), to.values(), strict=True):
+        lies = string(mapping(reply.json() if reply.ok else None).get("Mountpoint"))
         if not lies.startswith("/"):
-            return Reply(status=reply.status, ok=False, err=f"where a new volume lies is not told {reply.err}".rstrip())
-        lines.append(f"from={quote(lies)} to={quote(place)}; {_TAKE_PLACE}")
-    return session.execute(Run(script="\n".join(lines)))
+            why = f"where a new volume lies is not told {reply.err}".rstrip()
+            return [], Reply(status=reply.status, ok=False, err=why)
+        lines.append(f"from={quote(lies)} to={quote(place)};")
+    return lines, None

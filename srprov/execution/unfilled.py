@@ -4,8 +4,8 @@ An engine that makes a container fills an empty volume with what the image has t
 the robot's own files; it follows a link that it finds in the place of a folder. A container that runs with the volume
 puts one there once the first entry comes, and the rest of the image's files lies where that leads: any folder of the
 robot. So does one that had the volume's folder handed to it, open, by a container that had the volume: no engine knows
-of that. So no container of a service is made with volumes to fill: what is empty, and no container has, is filled in
-another place before (`filling.py`), and what is not is filled for nobody.
+of that. So no container of a service is made with named volumes to fill: what is empty, and no container has, is
+filled in another place before (`filling.py`), and what is not is filled for nobody.
 
 Source: moby, `daemon/volumes_unix.go` and containerd's `continuity/fs`; unix(7), SCM_RIGHTS; tried with Docker 20.10.
 """
@@ -44,13 +44,21 @@ def unfilled(command: Command, session: Session) -> Command | Reply:
         return command
     replies = session.ask([ask(name) for name in names for ask in (_having, _about)])
     free: dict[str, str] = {}
-    for name, listed, about in zip(names, replies[::2], replies[1::2], strict=True):
-        if not _others_have(name, listed) and (place := _place(name, about, session)):
+    for name, listed, first in zip(names, replies[::2], replies[1::2], strict=True):
+        about = first
+        if first.status == _NONE:  # its engine would make it with the container
+            session.execute(_made(name))
+            (about,) = session.ask([_about(name)])
+        if not (listed.ok and about.ok):
+            why = f"whether its image fills the volume {name} is not known: {listed.err or about.err}"
+            return Reply(status=listed.status if about.ok else about.status, ok=False, err=why)
+        if not _others_have(name, listed) and (place := _place(about)):
             free[name] = place
-    if empty := _empty(free, session):
+    empty, failed = _empty(free, session)
+    if empty and not failed:
         failed = filled(command, body, empty, session)
-        if failed is not None:
-            return failed
+    if failed:
+        return failed
     for one in mounts:
         one["VolumeOptions"] = {**one.get("VolumeOptions", {}), "NoCopy": True}
     return replace(command, body=canonical(body))
@@ -64,31 +72,39 @@ def _may_be_filled(mount: dict[str, object]) -> bool:
 
 def _others_have(name: str, reply: Reply) -> bool:
     """Return whether a container has a volume, by what an engine lists; also where it does not say so."""
-    listed = reply.json() if reply.ok else None
+    listed = reply.json()
     if not isinstance(listed, list):
         return True
     mounts = [one for container in mappings(listed) for one in mappings(container.get("Mounts"))]
     return any(one.get("Name") == name for one in mounts)
 
 
-def _place(name: str, about: Reply, session: Session) -> str:
-    """Return the folder of a volume, which is made if it is not there; empty: it is not known, or not of its own."""
-    if about.status == _NONE:  # its engine would make it with the container
-        call = EngineCall(method="POST", path="/volumes/create", body=canonical({"Name": name}), accept=(201,))
-        about = session.ask([_about(name)])[0] if session.execute(call).ok else about
-    body = mapping(about.json() if about.ok else None)
+def _made(name: str) -> EngineCall:
+    return EngineCall(method="POST", path="/volumes/create", body=canonical({"Name": name}), accept=(201,))
+
+
+def _place(about: Reply) -> str:
+    """Return the folder of a volume; empty: it has none of its own."""
+    body = mapping(about.json())
     place, plain = string(body.get("Mountpoint")), body.get("Driver") == "local" and not body.get("Options")
     return place if plain and place.startswith("/") else ""
 
 
-def _empty(places: Mapping[str, str], session: Session) -> dict[str, str]:
-    """Return the volumes of which the robot says that there is nothing in them."""
+def _empty(places: Mapping[str, str], session: Session) -> tuple[dict[str, str], Reply | None]:
+    """Return the volumes in which there is nothing, or what went wrong."""
     if not places:
-        return {}
-    looks = [f'[ -d {quote(at)} ] && [ -z "$(ls -A {quote(at)})" ] && echo {n}' for n, at in enumerate(places.values())]
+        return {}, None
+    looks = [
+        f'[ ! -d {quote(at)} ] || echo {n} "$(ls -A {quote(at)} | head -c 1)"' for n, at in enumerate(places.values())
+    ]
     (said,) = session.ask([Query(command="\n".join([*looks, ":"]))])
-    numbers = set(said.out.split()) if said.ok else set()
-    return {name: at for n, (name, at) in enumerate(places.items()) if str(n) in numbers}
+    told = dict((f"{line} ").split(" ", 1) for line in said.out.splitlines()) if said.ok else {}
+    for n, name in enumerate(places):
+        if str(n) not in told:
+            return {}, Reply(
+                status=said.status, ok=False, err=f"the folder of the volume {name} is not seen on the robot"
+            )
+    return {name: at for n, (name, at) in enumerate(places.items()) if not told[str(n)].strip()}, None
 
 
 def _having(name: str) -> EngineQuery:

@@ -162,12 +162,14 @@ def test_what_was_made_is_signed_whatever_lies_in_the_file_by_then(
 def test_every_option_that_names_what_is_written_looks_where_links_lead() -> None:
     """A clone has `data -> ../../.config/srprov`, and `-o data/srprov.toml` made a page the settings of its user."""
     looking = {output_options.written, output_options.no_link, output_options.no_way_out, output_options.no_way_above}
-    context, seen = click.Context(cli), 0
+    context, seen, followed = click.Context(cli), 0, {"run", "collect"}  # `results` may be a link to a large disk
     for verb in cli.list_commands(context):
         command = cli.get_command(context, verb)
         assert command is not None
         for one in command.params:
             if {"-o", "--out", "--svg", "--png", "--events", "--runs"} & set(one.opts):
+                if verb in followed and "-o" in one.opts:
+                    continue
                 seen += 1
                 assert one.callback in looking or isinstance(one.type, output_options._Output), (verb, one.opts)
     assert seen > 20
@@ -179,9 +181,8 @@ def test_every_option_that_names_what_is_written_looks_where_links_lead() -> Non
         ("report", "page.html", "--extract", "-o", "data/srprov.toml"),
         ("report", "run", "-o", "data/page.html"),
         ("bundle", "run", "-o", "data/b.zip"),
-        ("collect", "e.edf", "-i", "r1,", "-o", "data/new"),
         ("plan", "e.edf", "-i", "r1,", "-o", "data/p.json"),
-        ("run", "e.edf", "-i", "r1,", "-o", "data/run"),
+        ("lock", "data/e.edf", "-i", "r1,"),
     ],
     ids=lambda words: words[0],
 )
@@ -192,8 +193,11 @@ def test_no_link_of_a_project_leads_out_what_a_verb_writes(
     (tmp_path / "mine" / "p.json").write_text("mine")
     (tmp_path / "clone").mkdir()
     (tmp_path / "clone" / "data").symlink_to("../mine")
-    (tmp_path / "clone" / "e.edf").write_text("name: e\nservices:\n  a: {image: busybox}\n")
+    edf = "edf: 1\nname: e\nservices:\n  a: {image: busybox}\n"
+    for one in ("clone", "mine"):
+        (tmp_path / one / "e.edf").write_text(edf)
     monkeypatch.chdir(tmp_path / "clone")
     assert run(list(words)) == 5
     assert "data" in capsys.readouterr().err
-    assert [(one.name, one.read_text()) for one in (tmp_path / "mine").iterdir()] == [("p.json", "mine")]
+    left = {one.name: one.read_text() for one in (tmp_path / "mine").iterdir()}
+    assert left == {"p.json": "mine", "e.edf": edf}

@@ -424,7 +424,7 @@ def test_a_plan_file_s_placement_is_that_of_what_it_wants(world: World, wrong: s
     else:
         also, says = (
             tuple(one for one in also if not one.name.endswith("placement.json")),
-            "r1: no record of the placement",
+            r"permissions: r1/container:srprov.hello.one asks for playbook",
         )
     steps = tuple(one for one in saved.plan.steps if wrong != "no record" or not one.name.endswith("placement.json"))
     with pytest.raises(UsageError, match=says):

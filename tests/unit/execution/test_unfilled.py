@@ -167,7 +167,6 @@ def test_what_somebody_put_there_meanwhile_stays(tmp_path: Path) -> None:
         ([having("x"), having("/v")], True),
         ([{"Mounts": None}, {}, 3], True),
         ({"message": "no"}, False),
-        (None, False),
     ],
 )
 def test_what_others_may_write_to_is_not_filled(tmp_path: Path, listed: object, filled: bool) -> None:
