@@ -112,7 +112,7 @@ def test_a_small_page_takes_little_memory_when_its_data_is_taken_out(
     write_page(json.dumps(["x\u00e9" * 1_500_000, "\x1b[31m"], ensure_ascii=False).encode())
     assert run(["report", str(made), "--extract"]) == 0
     assert capsys.readouterr().out == json.dumps(["x\u00e9" * 1_500_000, "\x1b[31m"], ensure_ascii=False) + "\n"
-    write_page("[\u202e]".encode() * (25 << 20))
+    write_page(b'["' + "\u202e".encode() * (41 << 20) + b'"]')
     limit = 640 << 20
     done = subprocess.run(
         [sys.executable, "-m", "srprov", "report", str(made), "--extract"], check=False, capture_output=False,
