@@ -12,6 +12,7 @@ from srprov.modules.container_params import ContainerParams
 from srprov.modules.file import FileParams
 from srprov.modules.network import NetworkParams
 from srprov.modules.vxlan import VxlanParams
+from srprov.modules.vxlan_fdb import FLOOD
 from srprov.modules.vxlan_filter import VxlanFilterParams
 from srprov.modules.wireguard import WireguardParams
 from srprov.modules.wireguard_peers import WireguardPeersParams, host_of
@@ -22,9 +23,6 @@ from srprov.planning.plan import Step
 from srprov.planning.planfile import PlanFile
 from srprov.resource import Resource
 from srprov.untrusted import json_or_none, mapping
-
-_ALL = "00:00:00:00:00:00"
-"""Stands for all MACs, of which nothing else is known: what is for everybody, or for nobody."""
 
 
 def vteps_of(want: Resource) -> Collection[str]:
@@ -129,7 +127,7 @@ def misled(steps: Iterable[Resource], wants: Sequence[Resource], underlays: Mapp
         if not isinstance(link := want.params, VxlanParams):
             continue
         others = {robot: ends.get(robot, "") for robot in members if robot != want.host}
-        fdb = {(_ALL, end) for end in others.values()} | {(mac, others[at]) for mac, at in homes if at in others}
+        fdb = {(FLOOD, end) for end in others.values()} | {(mac, others[at]) for mac, at in homes if at in others}
         whole = len(fdb) == len(others) + sum(at in others for _, at in homes)
         right = {*link.fdb} == fdb and len(link.fdb) == len(fdb) and all(map(all, fdb))
         tunnel = bool(link.netns) == bool(tunnels) == (want.host in tunnels)

@@ -18,7 +18,7 @@ from typing import Any
 from srprov.modules.container_commands import NOT_OF_COMPOSE, remove
 from srprov.modules.container_leftover import BUILD, FILLING
 from srprov.modules.module import INSTANCE, SOURCE, canonical
-from srprov.modules.volume import HALF
+from srprov.modules.volume import HALF, create_volume, remove_volume
 from srprov.session import Session
 from srprov.untrusted import mapping, string, string_map
 from srprov.wire import EngineCall, EngineQuery, Reply, Run, quote
@@ -48,7 +48,7 @@ def filled(create: EngineCall, body: Mapping[str, Any], empty: Mapping[str, str]
     labels = string_map(body.get("Labels"))
     own = {key: labels[key] for key in (INSTANCE, SOURCE) if key in labels}
     for fresh in new.values():
-        made = session.execute(_volume(fresh, own))
+        made = session.execute(create_volume(fresh, own))
         if not made.ok:
             return made
     lines, failed = _lines({new[name]: place for name, place in empty.items()}, session)
@@ -58,19 +58,12 @@ def filled(create: EngineCall, body: Mapping[str, Any], empty: Mapping[str, str]
     filler = f"{FILLING}{word}"
     made = session.execute(_filler(create, body, filler, new))
     if not made.ok and not made.status:
-        return made  # it may go on for long: the next run removes what it leaves
+        return made  # it may go on for long: a run after its end removes what it leaves
     removed = [session.execute(remove(filler))]
     if made.ok and removed[0].ok:
         removed.append(session.execute(Run(script="\n".join(f"{line} {_TAKE_PLACE}" for line in lines))))
-    removed += [
-        session.execute(EngineCall(method="DELETE", path=f"/volumes/{one}", accept=(204, 404))) for one in new.values()
-    ]
+    removed += [session.execute(remove_volume(one)) for one in new.values()]
     return next((one for one in (made, *removed) if not one.ok), None)
-
-
-def _volume(name: str, labels: Mapping[str, str]) -> EngineCall:
-    body = canonical({"Name": name, "Labels": dict(labels)})
-    return EngineCall(method="POST", path="/volumes/create", body=body, accept=(201,))
 
 
 def _filler(create: EngineCall, body: Mapping[str, Any], name: str, new: Mapping[str, str]) -> EngineCall:

@@ -19,6 +19,7 @@ from msgspec.structs import replace
 
 from srprov.execution.filling import filled
 from srprov.modules.module import canonical
+from srprov.modules.volume import create_volume
 from srprov.session import Session
 from srprov.untrusted import mapping, mappings, string
 from srprov.wire import Command, EngineCall, EngineQuery, Query, Reply, quote
@@ -47,7 +48,7 @@ def unfilled(command: Command, session: Session) -> Command | Reply:
     for name, listed, first in zip(names, replies[::2], replies[1::2], strict=True):
         about = first
         if first.status == _NONE:  # its engine would make it with the container
-            session.execute(_made(name))
+            session.execute(create_volume(name, {}))
             (about,) = session.ask([_about(name)])
         if not (listed.ok and about.ok):
             why = f"whether its image fills the volume {name} is not known: {listed.err or about.err}"
@@ -77,10 +78,6 @@ def _others_have(name: str, reply: Reply) -> bool:
         return True
     mounts = [one for container in mappings(listed) for one in mappings(container.get("Mounts"))]
     return any(one.get("Name") == name for one in mounts)
-
-
-def _made(name: str) -> EngineCall:
-    return EngineCall(method="POST", path="/volumes/create", body=canonical({"Name": name}), accept=(201,))
 
 
 def _place(about: Reply) -> str:

@@ -17,7 +17,7 @@ from __future__ import annotations
 import datetime as dt
 import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import msgspec
 
@@ -147,17 +147,17 @@ class VolumeModule(Module[VolumeParams]):
         given = ((OWNER, want.owner), (COPY, want.copy), (SEED, want.made_with), (SERVICES, ",".join(want.services)))
         labels |= {key: text for key, text in given if text}
         half = half_copy(name)
-        cleared = () if found is None else (_remove(name), _remove(half))
+        cleared = () if found is None else (remove_volume(name), remove_volume(half))
         cause = "not there" if found is None else "only half copied"
         if not want.from_ and want.blob is None:
-            return Change(action=Action.CREATE, cause=cause, commands=(*cleared, _create(name, labels)))
+            return Change(action=Action.CREATE, cause=cause, commands=(*cleared, create_volume(name, labels)))
         commands = (
-            *(cleared or (_remove(half),)),
-            _create(half, {INSTANCE: want.instance, SOURCE: want.source}),
+            *(cleared or (remove_volume(half),)),
+            create_volume(half, {INSTANCE: want.instance, SOURCE: want.source}),
             *((CopyVolume(volume=name, into=half, source_host=want.from_),) if want.from_ else _fill(half, want)),
-            _create(name, labels),
+            create_volume(name, labels),
             Run(script=_take_place(half, name)),
-            _remove(half),
+            remove_volume(half),
         )
         if want.blob is not None and not want.from_:
             top = top_of(want.blob)
@@ -182,7 +182,7 @@ class VolumeModule(Module[VolumeParams]):
 
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Remove it with its data."""
-        return (_remove(found.name),)
+        return (remove_volume(found.name),)
 
     def keeps(self, found: State) -> bool:
         """Return whether there is data in it: a half copy has none that is not elsewhere."""
@@ -197,12 +197,14 @@ class VolumeModule(Module[VolumeParams]):
         return bool(want.copy) and found["copy"] == want.copy
 
 
-def _create(name: str, labels: dict[str, str]) -> EngineCall:
-    body = canonical({"Name": name, "Labels": labels})
+def create_volume(name: str, labels: Mapping[str, str]) -> EngineCall:
+    """Return what makes a volume; one that is there stays as it is."""
+    body = canonical({"Name": name, "Labels": dict(labels)})
     return EngineCall(method="POST", path="/volumes/create", body=body, accept=(201,))
 
 
-def _remove(name: str) -> EngineCall:
+def remove_volume(name: str) -> EngineCall:
+    """Return what removes a volume with its data."""
     return EngineCall(method="DELETE", path=f"/volumes/{name}", accept=(204, 404))
 
 

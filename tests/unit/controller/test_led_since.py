@@ -25,7 +25,7 @@ from srprov.definitions.trialsmodel import TrialDefinitions
 from srprov.errors import StalePlan
 from srprov.execution.outcome import Outcome
 from srprov.facts.gather import Gathering
-from srprov.planning.planfile import dump
+from srprov.planning.planfile import PlanFile, dump
 from srprov.planning.planhash import plan_hash
 from srprov.planning.planread import load
 from srprov.trials import design
@@ -92,17 +92,21 @@ def test_a_run_looks_at_the_paths_of_what_is_up_already_as_each_trial_makes_it_a
     assert trials.base.plan.leads == {"r1": {MAPS.source: ELSEWHERE}}
 
 
+def saved_here(world: World) -> PlanFile:
+    """Return a plan file as this controller writes it, who owns the instance."""
+    owner = replaced(read_owner("hello", WHAT.file), source=f"lab@desk:{WHAT.file}")
+    with mock.patch.object(plan, "source_of", return_value=owner.source):
+        planned = made(world, Definitions(experiment=WHAT, containers={}), PlanRequest(exact=True, owner=owner))
+    keep(owner)
+    return load(dump(kept_plan(replace(planned, definitions=None))), "plan.json")
+
+
 def test_a_plan_file_that_was_written_here_is_refused_where_a_path_leads_elsewhere_by_now(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     world = World().add("r1")
-    owner = replaced(read_owner("hello", WHAT.file), source=f"lab@desk:{WHAT.file}")
-    request = PlanRequest(exact=True, owner=owner)
-    with mock.patch.object(plan, "source_of", return_value=owner.source):
-        planned = made(world, Definitions(experiment=WHAT, containers={}), request)
-    keep(owner)
-    saved = load(dump(kept_plan(replace(planned, definitions=None))), "plan.json")
+    saved = saved_here(world)
     assert check_plan(saved, fleet(world)).plan.leads == {"r1": {MAPS.source: MAPS.source}}
     world.robots["r1"].leads = ELSEWHERE
     with pytest.raises(StalePlan, match="leads to /root") as refused:
@@ -125,11 +129,7 @@ def test_what_a_robot_does_not_tell_is_noted_and_nothing_is_made_with_it(
     """Its connection was lost while it was asked, or it took longer than it has."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     world = World().add("r1")
-    owner = replaced(read_owner("hello", WHAT.file), source=f"lab@desk:{WHAT.file}")
-    with mock.patch.object(plan, "source_of", return_value=owner.source):
-        planned = made(world, Definitions(experiment=WHAT, containers={}), PlanRequest(exact=True, owner=owner))
-    keep(owner)
-    saved = load(dump(kept_plan(replace(planned, definitions=None))), "plan.json")
+    saved = saved_here(world)
 
     def lost(self: Gathering, questions: Mapping[str, Sequence[AnyQuery]]) -> dict[str, Sequence[Reply]]:
         return {} if MOUNTS in questions.get("r1", ()) else asked(self, questions)
