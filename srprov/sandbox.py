@@ -40,6 +40,20 @@ mount -c --bind . /tmp/folder && mount -o "remount,bind,$3,nodev,nosuid,noexec" 
 mount -o remount,ro,nosuid,nodev,noexec /tmp || exit {NO_SANDBOX}
 exec chroot /tmp sh -c "cd /folder; $2"
 """
+_ESCAPED = r"sed 's/\\/\\134/g; s/ /\\040/g; s/\t/\\011/g'"
+MOUNTED = (
+    f'top=$(printf %s "${{root%/}}" | {_ESCAPED}); mounted=$(while read -r _ _ _ _ at _; do case $at in '
+    '"$top"/?*) printf "%s\\n" ".${at#"$top"}" ;; esac; done </proc/self/mountinfo | head -c 65536); '
+)
+"""Has the shell's `$mounted` say what is mounted below the folder of its `$root`, by lines, with blanks, tabs and
+backslashes as `/proc/self/mountinfo` has them."""
+NONE_MOUNTED = '[ ! "$mounted" ] || { echo "something else is mounted in it: $mounted" >&2; exit 1; }; '
+MOUNTS_SEEN = f"""set -f; IFS='
+'; whole="./${{folder:+$folder/}}${{what#./}}"; whole=$(printf %s "${{whole%/}}" | {_ESCAPED}); for one in $mounted; do
+case "$whole/" in "$one"/*) printf 'M 0 %s\\0\\0H\\0' "$what"; exit 0 ;; esac
+case $one in "$whole"/*) printf 'M 0 %s\\0\\0' "${{what%/}}/${{one#"$whole"/}}" ;; esac
+done; """
+"""Says within `inside` what is mounted in a path, as `listing.py` takes it; ends where the path is in a mount."""
 _ROOT = f'root=$(realpath -e -- "$root" 2>/dev/null) || exit {MISSING}; '
 _NAMES = "passwd group"
 _WHY_NOT = (
@@ -57,23 +71,24 @@ def sandboxed(root: str, script: str, real: str = "", *, way: str = "ro") -> str
     """Return a script that runs another one in a folder of the robot, which is its working folder at the start.
 
     The inner one ends with `exit` or its last status, reads only, unless the way is `rw`, and sees the folder under
-    another name. Nothing is read where the folder's path leads elsewhere than to `real`, if that is known.
+    another name, without what is mounted in it, which its `$mounted` names (`MOUNTED`). Nothing is read where the
+    folder's path leads elsewhere than to `real`, if that is known.
     """
     same = f'[ "$root" = {quote(real)} ] || exit {ELSEWHERE}; ' if real else ""
     return f"root=$(realpath -e -- {quote(root)} 2>/dev/null) || exit {MISSING}; {same}{_closed(script, way, '')}"
 
 
-def inside(root: str, path: str, script: str, real: str = "", *, way: str = "ro") -> str:
+def inside(root: str, path: str, script: str, real: str = "", *, way: str = "ro", first: str = "") -> str:
     """Return a script that runs another in the folder of a path below a root, where `what` is its name.
 
-    `real` is where the root has to lead, if that is known.
+    `real` is where the root has to lead, if that is known; `first` runs before anything of the path is looked at.
 
     The kernel says where the working folder is: whatever runs there may put links in the way meanwhile, and neither tar
     nor find nor dd follow one that they are named.
     """
     folder, name = posixpath.split(posixpath.normpath(path))
     go = (
-        f"here=$(pwd -P); folder={quote(folder)}; what={quote('./' + (name if name != '.' else ''))}; "
+        f"here=$(pwd -P); folder={quote(folder)}; what={quote('./' + (name if name != '.' else ''))}; {first}"
         f'if [ "$folder" ] && ! cd -- "./$folder" 2>/dev/null; then {_WHY_NOT}; fi; '
         f'[ "$(pwd -P)" = "${{here%/}}${{folder:+/$folder}}" ] || [ -z "$folder" ] || exit {LED_OUT}; '
         f'[ -e "$what" ] || [ -L "$what" ] || exit {MISSING}'
@@ -102,6 +117,7 @@ def sandboxed_reading(script: str) -> str:
 def _closed(script: str, way: str, known: str) -> str:
     inside = quote(script)
     return (
+        f"{MOUNTED}export mounted; "
         f'if [ "$(id -u)" != 0 ]; then cd -- "$root" || exit {MISSING}; exec sh -c {inside}; fi; '
         f"unshare -m true || exit {NO_SANDBOX}; "
         f'exec unshare -m sh -c {quote(_ENTER)} sh "$root" {inside} {way} {quote(known)}'

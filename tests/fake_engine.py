@@ -75,6 +75,8 @@ class Engine:
     behaviours: dict[str, Behaviour] = field(default_factory=dict)
     unpullable: set[str] = field(default_factory=set)
     down: bool = False
+    late: bool = False
+    """It is there, and answers no question in time."""
     unreadable: set[str] = field(default_factory=set)
     """Paths of answers that are longer than is read."""
 
@@ -83,7 +85,9 @@ class Engine:
     def query(self, query: EngineQuery) -> Reply:
         """Answer a GET."""
         if self.down:
-            return Reply(status=0, ok=False, err="the Docker Engine did not answer within 20 s")
+            return Reply(status=0, ok=False, err="the Docker Engine closed the connection")
+        if self.late:
+            return Reply(status=504, ok=False, err="the Docker Engine did not answer within 20 s")
         if query.path in self.unreadable:
             said = f"the Docker Engine's answer to {query.path} cannot be read: too long"
             return Reply(status=200, ok=False, err=said)

@@ -63,7 +63,8 @@ def cp(
 
     From a container, a link comes as a file of its own, and one to a folder of the copy not at all. Exits with 0; with
     3 when something is missing: links to what did not come, devices, pipes, sockets, repositories; with 4 when the
-    robot is lost; with 9 for what a Docker Engine before 29.5.1 cannot be asked safely (docs/daily-use.md).
+    robot is lost; with 7 when somebody else holds the robot, and the container does not run; with 9 for what a Docker
+    Engine before 29.5.1 cannot be asked safely (docs/daily-use.md).
     """
     from srprov.controller.copying import place
 
@@ -107,6 +108,7 @@ def _located(
     """Find the one container that is meant, and give the session with its robot."""
     from srprov.controller.located import locate
     from srprov.controller.sent_to import trusted
+    from srprov.controller.standing_still import standing_still
     from srprov.controller.turned import refuse_turned
     from srprov.facts.gather import Detail
 
@@ -120,7 +122,8 @@ def _located(
                 f"{where.where}: its container is not there", hint="`srprov apply` makes it", code=Code.NOTHING_RUNS
             )
         refuse_turned(session, where.container)
-        yield session, where
+        with standing_still(session, where.container):
+            yield session, where
 
 
 def _out(

@@ -9,14 +9,14 @@ from __future__ import annotations
 import errno
 import posixpath
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 
 import msgspec
 from msgspec.structs import replace
 
 from srprov.execution.collect import CollectFailed, Place, Robot, TransferCut, fetch_file, fetch_tar, listings
-from srprov.execution.listing import MOST_FILES, Entry
+from srprov.execution.listing import MOST_FILES, MOUNT, UNREAD, Entry
 from srprov.record.results import DEEPEST, MOST_FOLDERS, Kept, Names, TooManyFolders, is_here, open_part, put, sync
 from srprov.transport.tar_stream import TarError, TarStream
 
@@ -31,6 +31,11 @@ _ENTRY = 16 << 10
 _WHOLE = 1 << 20
 _STEP = 64 << 20
 _IN_THE_WAY = {errno.EISDIR, errno.ENOTDIR, errno.EEXIST, errno.ENOTEMPTY, errno.ENAMETOOLONG}
+_NOT_READ = {
+    MOUNT: "something else is mounted there, and what lies in it did not come: mount that in the container by itself",
+    UNREAD: "a folder in it cannot be read: who logs in on the robot may not, or its disk fails",
+}
+"""Kind of an entry -> why it does not come."""
 CHANGED = "it changed while it was read"
 """Note of what could not be fetched for this reason."""
 Say = Callable[[str], None]
@@ -47,9 +52,9 @@ class Home(msgspec.Struct, frozen=True):
 class Bringing:
     """One result on its way, and what became of each entry."""
 
-    def __init__(self, robot: Robot, place: Place, folder: Path, home: Home) -> None:
-        """Take a place on a robot, and where its files go."""
-        self._robot, self._place, self._folder, self._home = robot, place, folder, home
+    def __init__(self, robot: Robot, place: Place, folder: Path, home: Home, apart: Collection[str] = ()) -> None:
+        """Take a place on a robot, where its files go, and the folders in it that are another mount's."""
+        self._robot, self._place, self._folder, self._home, self._apart = robot, place, folder, home, apart
         self.fetched_files = self.fetched_bytes = 0
         """What came; the others were here."""
         self._told = self._came = 0
@@ -112,9 +117,9 @@ class Bringing:
 
     def _tar(self, wanted: Mapping[str, Entry], kept: Mapping[str, Kept], entries: list[Entry], came: set[str]) -> None:
         """Fetch small files in one stream; add the paths of those that are here now to `came`."""
-        without = [one.path for one in entries if one.is_file and one.path not in wanted]
+        without = [one.path for one in entries if one.kind == MOUNT or (one.is_file and one.path not in wanted)]
         most = sum(one.size for one in wanted.values()) + (2 * len(entries) + MOST_FOLDERS) * _ENTRY
-        pieces = self._counted(fetch_tar(self._robot, self._place, without, most))
+        pieces = self._counted(fetch_tar(self._robot, self._place, (*without, *self._apart), most))
         try:
             for member in (archive := TarStream(pieces, most_members=2 * MOST_FILES, any_kind=True)):
                 path = member.name.removeprefix("./").strip("/")
@@ -176,6 +181,8 @@ def _listed(one: Entry, names: Names) -> Kept:
     """Return what is to become of an entry; a name for each file that is to come."""
     if one.kind == "l":
         return Kept(path=one.path, note=f"a link to {one.link[:200]}")
+    if one.kind in _NOT_READ:
+        return Kept(path=one.path, note=_NOT_READ[one.kind], failed=True)
     if not one.is_file:
         return Kept(path=one.path, note="neither file nor folder nor link")
     parts = [part for part in one.path.split("/") if part not in ("", ".")] or ["_"]

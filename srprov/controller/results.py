@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from srprov.controller.bringing import Bringing, Home
 from srprov.definitions.trialsmodel import Result
 from srprov.execution.collect import CollectFailed, Place, Robot, listings, place_of, places_below
-from srprov.execution.listing import Entry
+from srprov.execution.listing import MOUNT, Entry
 from srprov.record.recordings import checked
 from srprov.record.results import Kept, LogTooLong, is_safe_name, write_log
 from srprov.session import Session
@@ -82,7 +82,7 @@ def bring_results(
             below = folder / (result.path if whole else posixpath.dirname(result.path)).strip("/")
             came: list[list[Kept] | None] = []
             for one in parts:
-                bringing = Bringing(robot, one.place, below / one.at, home)
+                bringing = Bringing(robot, one.place, below / one.at, home, one.apart)
                 came.append(bringing.all(one.entries))
                 brought = Brought(brought.files + bringing.fetched_files, brought.bytes + bringing.fetched_bytes)
             if any(some is not None for some in came):
@@ -98,6 +98,8 @@ class _Part(msgspec.Struct, frozen=True):
     """Where it lies below the result's folder here; empty: it is all of that."""
     place: Place
     entries: list[Entry]
+    apart: tuple[str, ...]
+    """What lies in it, and is another part's."""
 
 
 def _parts(
@@ -114,7 +116,8 @@ def _parts(
         if at and not is_safe_name(at):
             raise CollectFailed(f"{result.path}: no folder here can have the name of its mount {at[:200]!r}")
         below = [other for other, _ in places if other.startswith(f"{at}/" if at else "") and other != at]
-        yield _Part(at, one, _seen(at, there[one] or [], below))
+        apart = tuple(posixpath.relpath(other, at or ".") for other in below)
+        yield _Part(at, one, _seen(at, there[one] or [], below), apart)
 
 
 def _seen(at: str, entries: list[Entry], mounts: Sequence[str]) -> list[Entry]:
@@ -122,6 +125,7 @@ def _seen(at: str, entries: list[Entry], mounts: Sequence[str]) -> list[Entry]:
 
     The container did not see that.
     """
+    entries = [one for one in entries if one.kind != MOUNT or posixpath.join(at, one.path) not in mounts]
     paths = [posixpath.join(at, one.path) for one in entries] if mounts else []
     hidden = bytearray(len(entries))
     for mount in mounts:

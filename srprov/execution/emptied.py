@@ -17,9 +17,9 @@ import re
 from collections.abc import Mapping
 
 from srprov.modules.container_commands import stop
-from srprov.sandbox import NO_SANDBOX, NOT_CLOSED, sandboxed_writing
+from srprov.sandbox import MOUNTED, NO_SANDBOX, NONE_MOUNTED, NOT_CLOSED, sandboxed_writing
 from srprov.session import Progress, Session
-from srprov.untrusted import mapping, mappings, string
+from srprov.untrusted import absolute, mapping, mappings, string
 from srprov.wire import EngineCall, EngineQuery, Query, Reply, Run, quote
 
 _GO = re.compile(r"go1\.([0-9]{1,3})(?:\.([0-9]{1,3}))?")
@@ -29,14 +29,18 @@ _TOLD = {
     "volumes": """docker volume inspect --format '{"Driver":{{json .Driver}},"Mountpoint":{{json .Mountpoint}}}'""",
     # whole parts: a template ends at a key that is not there
     "containers": """docker container inspect --format '{"Id":{{json .ID}},"State":{{json .State}},\
-"GraphDriver":{{json .GraphDriver}},"Mounts":{{json .Mounts}},"HostConfig":{{json .HostConfig}}}'""",
+"GraphDriver":{{json .GraphDriver}},"Mounts":[{{range .Mounts}}{{if eq .Type "volume"}}{"Type":"volume",\
+"Name":{{json .Name}},"Source":{{json .Source}},"Driver":{{json .Driver}}},{{end}}{{end}}null],\
+"HostConfig":{{json .HostConfig}}}'""",
 }
 """What asks for that alone, of all that an engine says of one."""
 _UPPER = ("overlay2", "fuse-overlayfs")
 """Storage drivers that tell where a container's own files lie."""
 _ANONYMOUS = re.compile(r"[0-9a-f]{64}")
 _LONGEST_S = 1800.0
+_TRIES = 3
 _UNSEEN = "its engine says that they lie where the robot has no such folder"
+_MOUNTED = "another disk or folder is mounted at its place: unmount that first"
 _HELD = "a container that still runs may hold it open: stop it, such as by its experiment's destroy"
 
 
@@ -75,7 +79,8 @@ def emptied(call: EngineCall, session: Session, progress: Progress) -> Reply | N
     if not folders:
         return None
     reply = session.execute(Run(script="\n".join(map(_emptying, folders)), timeout_s=_LONGEST_S), progress)
-    why = NOT_CLOSED if reply.status == NO_SANDBOX else f"{reply.err.strip()}\n{_HELD}"
+    held = "" if "mounted" in reply.err else f"\n{_HELD}"
+    why = NOT_CLOSED if reply.status == NO_SANDBOX else f"{reply.err.strip()}{held}"
     return None if reply.ok else Reply(status=reply.status, ok=False, err=f"its files cannot be removed: {why}")
 
 
@@ -99,7 +104,9 @@ def _emptying(folder: str) -> str:
     # an engine in a mount namespace of its own has its files where this shell sees none
     store = posixpath.dirname(posixpath.dirname(folder))
     there = f"[ -d {quote(store)} ] || {{ echo {quote(_UNSEEN)} >&2; exit 1; }}"
-    return f"{there}; [ ! -d {quote(folder)} ] || {{ {clear} && {renamed}; }} && {clear} || exit"
+    mounted = f"! mountpoint -q {quote(folder)} 2>/dev/null || {{ echo {quote(_MOUNTED)} >&2; exit 1; }}"
+    there = f"{there}; {mounted}; root={quote(folder)}; {MOUNTED}{NONE_MOUNTED}"
+    return f"{there}[ ! -d {quote(folder)} ] || {{ {clear} && {renamed}; }} && {clear} || exit"
 
 
 def _is_gone(found: Reply) -> bool:
@@ -110,7 +117,7 @@ def _folders(kind: str, name: str, body: Mapping[str, object], session: Session)
     """Return the folders that an engine goes through when it removes that."""
     if kind == "volumes":
         driver = body.get("Driver")
-        known, folders = bool(driver), [string(body.get("Mountpoint"))] if driver == "local" else []
+        known, folders = bool(driver), [absolute(body.get("Mountpoint"))] if driver == "local" else []
         if having := _having(name, session) if folders else {}:
             raise _NotToldError(f"it is in use by {', '.join(sorted(having.values()))[:300]}")
     else:
@@ -118,10 +125,10 @@ def _folders(kind: str, name: str, body: Mapping[str, object], session: Session)
         driver = layer.get("Name")
         gone = state.get("Dead") is True and driver == ""  # its layer is, but for what has no name
         known = isinstance(state.get("Running"), bool) and (bool(driver) or gone)
-        folders = [string(mapping(layer.get("Data")).get("UpperDir"))] if driver in _UPPER else []
+        folders = [absolute(mapping(layer.get("Data")).get("UpperDir"))] if driver in _UPPER else []
         own = {string(body.get("Id"))}
         folders += [place for one, place in _anonymous(body).items() if _having(one, session).keys() <= own]
-    if not known or not isinstance(driver, str) or not all(one.startswith("/") for one in folders):
+    if not known or not isinstance(driver, str) or not all(folders):
         raise _NotToldError("its engine does not say where its files lie")
     return folders
 
@@ -133,7 +140,7 @@ def _anonymous(body: Mapping[str, object]) -> dict[str, str]:
     named = {string(one.get("Source")) for one in mappings(host.get("Mounts"))}
     named |= {string(one).partition(":")[0] for one in (binds if isinstance(binds, list) else ())}
     found = {
-        string(one.get("Name")): string(one.get("Source"))
+        string(one.get("Name")): absolute(one.get("Source"))
         for one in mappings(body.get("Mounts"))
         if one.get("Type") == "volume" and one.get("Driver") == "local"
     }
@@ -151,8 +158,11 @@ def _having(volume: str, session: Session) -> dict[str, str]:
         f"ids=$(docker ps -aq --no-trunc --filter {quote(f'volume={volume}')}) && "
         f'{{ [ ! "$ids" ] || docker container inspect --format {quote(form)} $ids; }}'
     )
-    (reply,) = session.ask([Query(command=asks)])
+    for _ in range(_TRIES):
+        (reply,) = session.ask([Query(command=asks)])
+        if not _is_gone(reply):  # else one of them went meanwhile
+            break
     if not reply.ok:
         raise _NotToldError(f"its engine does not say who has its volumes ({reply.err.strip()[:300]})")
     found = (line.split() for line in reply.out.splitlines() if line.endswith(" has"))
-    return {words[0]: words[1].removeprefix("/") for words in found}
+    return {words[0]: words[1].removeprefix("/") for words in found if len(words) > 2}

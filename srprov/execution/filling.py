@@ -20,14 +20,18 @@ from srprov.modules.container_leftover import BUILD, FILLING
 from srprov.modules.module import INSTANCE, SOURCE, canonical
 from srprov.modules.volume import HALF, create_volume, remove_volume
 from srprov.session import Session
-from srprov.untrusted import mapping, string, string_map
+from srprov.untrusted import absolute, mapping, string_map
 from srprov.wire import EngineCall, EngineQuery, Reply, Run, quote
 
 _FILL_S = 900.0
 """An image's files for a volume may be many."""
 _ALIKE = 'chown "$(stat -c %u:%g "$to")" "$from" && chmod "$(stat -c %a "$to")" "$from" || exit'
 """An image that has nothing there leaves it so; one that has a folder there gives it the owner and mode of that."""
-_TAKE_PLACE = 'mv -T "$from" "$to" && mkdir "$from" || [ "$(ls -A "$to")" ] || exit'
+
+FIRST_OF = "find {} -mindepth 1 -maxdepth 1 | head -c 1"
+"""Prints `/` where anything is in a folder, whatever its name; a word of a shell goes in."""
+_IN_IT = FIRST_OF.format('"$to"')
+_TAKE_PLACE = f'mv -T "$from" "$to" && mkdir "$from" || [ "$({_IN_IT})" ] || exit'
 """Renames a folder to one that is empty; where it is not by now, it keeps what it has."""
 
 
@@ -93,8 +97,8 @@ def _lines(to: Mapping[str, str], session: Session) -> tuple[list[str], Reply | 
     """
     lines = []
     for reply, place in zip(session.ask([EngineQuery(path=f"/volumes/{one}") for one in to]), to.values(), strict=True):
-        lies = string(mapping(reply.json() if reply.ok else None).get("Mountpoint"))
-        if not lies.startswith("/"):
+        lies = absolute(mapping(reply.json() if reply.ok else None).get("Mountpoint"))
+        if not lies:
             why = f"where a new volume lies is not told {reply.err}".rstrip()
             return [], Reply(status=reply.status, ok=False, err=why)
         lines.append(f"from={quote(lies)} to={quote(place)};")

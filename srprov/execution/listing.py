@@ -1,7 +1,8 @@
 """A robot's listing of results, read as it comes: what there is at each place, with sizes and hashes.
 
 Takes bytes; gives entries. Each place has NUL-ended words: for all that is no folder `TYPE SIZE PATH` and where a link
-leads, then `H`, then `SHA256  PATH` for each file, then `=STATUS`.
+leads, also for what is mounted there and a folder of which not all can be listed, then `H`, then `SHA256  PATH` for
+each file, then `=STATUS`.
 """
 
 from __future__ import annotations
@@ -15,11 +16,14 @@ MOST_BYTES = 64 << 20
 MOST_NAMES = 24 << 20
 """Characters of all paths and links as JSON has them, which is six for each byte that is no text: they are kept in
 several forms, and written down."""
+MOUNT, UNREAD = "M", "U"
+"""Kinds of entries that `find` does not say."""
 _LONGEST_WORD = 8192
 _LONGEST_LINK = 256
 """Bytes of where a link leads, which is only told."""
 _ENTRY = re.compile(rb"(?P<kind>[a-zA-Z?]) (?P<size>[0-9]{1,15}) \./+(?P<path>.+)", re.DOTALL)
 _HASH = re.compile(rb"\\?(?P<hash>[0-9a-f]{64}) [ *]\./+(?P<path>.+)", re.DOTALL)
+_OCTAL = re.compile(rb"\\([0-3][0-7]{2})")
 _STATUS = re.compile(rb"=([0-9]{1,3})")
 
 
@@ -32,7 +36,7 @@ class Entry(NamedTuple):
 
     path: str
     kind: str
-    """As `find` says it: `f` is a file, `l` a link."""
+    """As `find` says it: `f` is a file, `l` a link; or `MOUNT`, or `UNREAD`."""
     size: int = 0
     sha256: str = ""
     """Of a file that could be read."""
@@ -88,14 +92,14 @@ class Listing:
             self._add(self._open._replace(link=_text(word[:_LONGEST_LINK])))
             self._open = None
         elif status := _STATUS.fullmatch(word):
-            self._done.append((int(status[1]), sorted(self._entries.values())))
+            self._done.append((int(status[1]), _seen(sorted(self._entries.values()))))
             self._entries, self._hashing = {}, False
         elif word == b"H" and not self._hashing:
             self._hashing = True
         elif self._hashing:
             self._hash(word)
         elif match := _ENTRY.fullmatch(word):
-            self._open = Entry(_text(match["path"]), match["kind"].decode(), int(match["size"]))
+            self._open = Entry(_path(match["kind"], match["path"]), match["kind"].decode(), int(match["size"]))
         else:
             raise ListingError(f"its listing has a line that is none: {_text(word)[:80]!r}")
 
@@ -117,6 +121,19 @@ class Listing:
         path = _text(match["path"])
         if (entry := self._entries.get(path)) and entry.is_file:
             self._entries[path] = entry._replace(sha256=match["hash"].decode())
+
+
+def _seen(entries: list[Entry]) -> list[Entry]:
+    """Leave out what lies below the place of a mount, which hides it from the container."""
+    mounts = tuple(f"{one.path}/" for one in entries if one.kind == MOUNT)
+    return [one for one in entries if not one.path.startswith(mounts)] if mounts else entries
+
+
+def _path(kind: bytes, said: bytes) -> str:
+    """Return the path of an entry; that of a mount is as `/proc/self/mountinfo` has it."""
+    if kind == MOUNT.encode():
+        said = _OCTAL.sub(lambda one: bytes([int(one[1], 8)]), said)
+    return _text(said.removesuffix(b"/.") if kind == UNREAD.encode() else said)
 
 
 def _written(name: str) -> int:

@@ -16,10 +16,12 @@ WHY = {
 }
 """Exit statuses with a meaning of their own."""
 LIST = (
-    f"find . -prune -printf '' && sha256sum -z /dev/null >/dev/null || exit {_NO_TOOLS}; "
-    "find \"$what\" -xdev ! -type d -printf '%y %s %p\\0%l\\0'; printf 'H\\0'; "
+    f"find . -prune -printf '' && sha256sum -z /dev/null >/dev/null || exit {_NO_TOOLS}; exec 3>&1; "
+    "if LC_ALL=C find \"$what\" -xdev ! -type d -printf '%y %s %p\\0%l\\0' 2>&1 >&3 | grep -qv "
+    "': No such file or directory$'; then printf 'U 0 %s\\0\\0' \"${what%/}/.\"; fi; printf 'H\\0'; "
     'find "$what" -xdev -type f -print0 | nice xargs -0 -r sha256sum -z --'
 )
+"""What went while it was listed is left out; what cannot be looked into is said (`U`)."""
 TAR = (
     "tar --create --format=posix --sort=name --numeric-owner --hard-dereference --one-file-system"
     " '--pax-option=exthdr.name=%d/PaxHeaders/%f,delete=atime,delete=ctime,delete=mtime'"

@@ -20,7 +20,6 @@ from dataclasses import dataclass, field
 
 from srprov.codes import Code
 from srprov.errors import TransportError
-from srprov.execution.architecture import wrong_architecture
 from srprov.execution.failure_text import failure_text, last_lines
 from srprov.execution.options import STOP_TIMEOUT_S
 from srprov.execution.outcome import Event, Listener, Outcome, StepResult
@@ -28,6 +27,7 @@ from srprov.execution.sending import sent
 from srprov.execution.stale import due, made_on_the_way, refused
 from srprov.execution.stopping import stop_together
 from srprov.execution.triggers import kept_apart, refuse_triggers
+from srprov.execution.unfit_image import unfit
 from srprov.modules import MODULES, PROBING, RUNNING
 from srprov.modules.mount_place import guarded
 from srprov.modules.observe import observe_queries, parse_observed, parse_probed, probe_queries
@@ -160,7 +160,7 @@ class RobotExecutor:
         if step.module in RUNNING and step.want is not None:
             command = guarded(command, step.want.params.mounts, self.leads)
         reply = sent(command, self.session, progress)
-        return (wrong_architecture(step, self.session) if reply.ok else None) or reply
+        return (unfit(step, self.session) if reply.ok else None) or reply
 
     def _done(self, step: Step, took_s: float) -> None:
         """Remember that a step was done, and is to be verified."""

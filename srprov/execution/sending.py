@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from srprov.execution.emptied import emptied
 from srprov.execution.unfilled import unfilled
+from srprov.robot_answers import answers_of
 from srprov.session import Progress, Session, no_progress
 from srprov.wire import Command, EngineCall, Reply
 
@@ -17,7 +18,8 @@ def sent(command: Command, session: Session, progress: Progress = no_progress) -
     Raises:
         TransportError: The robot cannot be talked to any more.
     """
-    if isinstance(command, EngineCall) and (failed := emptied(command, session, progress)):
-        return failed
-    made = unfilled(command, session)
+    with answers_of(session.host):  # what a robot says of its folders goes into commands: not all of it can
+        if isinstance(command, EngineCall) and (failed := emptied(command, session, progress)):
+            return failed
+        made = unfilled(command, session)
     return made if isinstance(made, Reply) else session.execute(made, progress)

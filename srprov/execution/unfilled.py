@@ -17,11 +17,11 @@ from collections.abc import Mapping
 
 from msgspec.structs import replace
 
-from srprov.execution.filling import filled
+from srprov.execution.filling import FIRST_OF, filled
 from srprov.modules.module import canonical
 from srprov.modules.volume import create_volume
 from srprov.session import Session
-from srprov.untrusted import mapping, mappings, string
+from srprov.untrusted import absolute, mapping, mappings
 from srprov.wire import Command, EngineCall, EngineQuery, Query, Reply, quote
 
 _NONE = 404
@@ -83,8 +83,8 @@ def _others_have(name: str, reply: Reply) -> bool:
 def _place(about: Reply) -> str:
     """Return the folder of a volume; empty: it has none of its own."""
     body = mapping(about.json())
-    place, plain = string(body.get("Mountpoint")), body.get("Driver") == "local" and not body.get("Options")
-    return place if plain and place.startswith("/") else ""
+    place, plain = absolute(body.get("Mountpoint")), body.get("Driver") == "local" and not body.get("Options")
+    return place if plain else ""
 
 
 def _empty(places: Mapping[str, str], session: Session) -> tuple[dict[str, str], Reply | None]:
@@ -92,7 +92,9 @@ def _empty(places: Mapping[str, str], session: Session) -> tuple[dict[str, str],
     if not places:
         return {}, None
     looks = [
-        f'[ ! -d {quote(at)} ] || echo {n} "$(ls -A {quote(at)} | head -c 1)"' for n, at in enumerate(places.values())
+        f'[ ! -d {quote(at)} ] || echo {n} "$(if mountpoint -q {quote(at)} 2>/dev/null; then echo /; fi; '
+        f'{FIRST_OF.format(quote(at))})"'
+        for n, at in enumerate(places.values())
     ]
     (said,) = session.ask([Query(command="\n".join([*looks, ":"]))])
     told = dict((f"{line} ").split(" ", 1) for line in said.out.splitlines()) if said.ok else {}

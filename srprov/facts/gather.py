@@ -26,6 +26,11 @@ from srprov.resource import Observed, Resource
 from srprov.robot_answers import answers_of
 from srprov.wire import AnyQuery, Reply
 
+_START = (
+    "start it there, or restart the robot; where what it says is too long to be read, a container's image says "
+    "too much: find it there by 'docker ps -a', and remove it by 'docker rm -f NAME'"
+)
+
 
 class Detail(enum.Enum):
     """What is asked beyond what tells whether all is as it was; each includes the one before it."""
@@ -178,9 +183,8 @@ def _without_mute(snapshot: Snapshot) -> Snapshot:
     }
     if not mute:
         return snapshot
-    start = "start it there, or restart the robot"
     why = {
-        name: f"its Docker Engine does not answer: {snapshot.facts[name].docker_problem}\n  {start}"
+        name: f"its Docker Engine does not answer: {snapshot.facts[name].docker_problem}\n  {_START}"
         for name in sorted(mute)
     }
     return replace(

@@ -49,12 +49,12 @@ def given(host: str, streams: Streams, path: str, why: Mapping[int, str], pieces
     try:
         said = b""
         while not streams.ended and not said.endswith(_READY):
-            said += shell.read()[: len(_READY)]
+            said = (said + shell.read(0))[-len(_READY) :]
             streams.wait(0.2, writing=False)
         for piece in pieces:
             shell.send(piece)
         while not streams.ended:
-            shell.read()
+            shell.read(0)
             streams.wait(0.2, writing=False)
         shell.end((0,))
     finally:
@@ -69,11 +69,14 @@ class _Shell:
         self._complaint = b""
         self.pace = Pace()
 
-    def read(self, sent: int = 0) -> bytes:
-        """Return what it prints now, and keep what it complains of."""
+    def read(self, sent: int | None = None) -> bytes:
+        """Return what it prints now, and keep what it complains of.
+
+        What it has taken counts, where something is sent: it may print for ever, and take nothing.
+        """
         piece, error = self._streams.read()
         self._complaint = (self._complaint + error)[-_LONGEST_COMPLAINT:]
-        if not self.pace.goes_on(len(piece) + sent):
+        if not self.pace.goes_on(len(piece) if sent is None else sent):
             said = f"{self._what}: {TOO_LITTLE}"
             raise TransportError(self._host, said, hint="try again", code=Code.LOST)
         return piece

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from srprov.errors import TransportError
 from srprov.pace import Pace
-from srprov.sandbox import NO_SANDBOX, NOT_CLOSED, sandboxed_reading, sandboxed_writing
+from srprov.sandbox import NO_SANDBOX, NONE_MOUNTED, NOT_CLOSED, sandboxed_reading, sandboxed_writing
 from srprov.session import Progress, Streams
 from srprov.untrusted import integer, lines_of
 from srprov.wire import CopyVolume, Reply, Run, quote
@@ -98,7 +98,7 @@ def _hash_of(volume: str, timeout_s: float) -> Run:
 
 def _size_of(volume: str) -> Run:
     """Return what says kilobytes on the disk, kilobytes of the files' lengths, and how many names there are."""
-    du = _read("du -s -k . && du -s -k --apparent-size . && find . | wc -l")
+    du = _read(f"{NONE_MOUNTED}du -s -k . && du -s -k --apparent-size . && find . | wc -l")
     return Run(script=f"{_place(volume)}{du}", timeout_s=_DU_S)
 
 

@@ -36,6 +36,10 @@ class _UnreadError(EngineGone):
     """The engine answers, and with more than is read: what it says is not known."""
 
 
+_IS_THERE = {_UnreadError: 200, EngineLate: 504}
+"""Failures of an engine that is there -> what its reply's status is: it runs containers, whatever it says of them."""
+
+
 class EngineReader:
     """One robot's engine, for reading. Threads may use it at the same time; a batch waits for the one before it."""
 
@@ -84,8 +88,8 @@ class EngineReader:
                     if used and not isinstance(error, EngineGone):
                         continue
                     gone = self._link.failure(_in_words(error), queries[len(replies)].timeout_s)
-                    if isinstance(error, _UnreadError):
-                        gone = replace(gone, status=200)
+                    if status := next((code for kind, code in _IS_THERE.items() if isinstance(error, kind)), 0):
+                        gone = replace(gone, status=status)
                     replies += [gone] * (len(queries) - len(replies))
             return replies
 

@@ -10,7 +10,7 @@ import os
 import subprocess
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -28,6 +28,7 @@ from srprov.pace import Pace
 from srprov.record.results import Kept, Names
 from srprov.session import Session, Traffic
 from srprov.transport.shell.pipes import PipeStreams
+from srprov.wire import quote
 from tests.bounded import bounded
 
 _T = TypeVar("_T")
@@ -46,6 +47,7 @@ class Machine:
         self.cuts, self.sent, self.scripts = list(cuts), 0, list[str]()
         self.before: Callable[[str], object] = lambda _script: None
         self.lie: Callable[[bytes], bytes] = lambda said: said
+        self.runs = ""
 
     def do(self, work: Callable[[Session], _T]) -> _T:
         return work(cast(Session, self))
@@ -53,7 +55,7 @@ class Machine:
     def open_shell(self, script: str) -> Any:
         self.scripts.append(script)
         self.before(script)
-        return Cut(self, script)
+        return Cut(self, self.runs.format(quote(script)) if self.runs else script)
 
 
 class Cut(PipeStreams):
@@ -113,6 +115,65 @@ def test_files_come_home_as_they_are(root: Path, tmp_path: Path) -> None:
     assert {path: one.size for path, one in found.items()} == {"a/x.bin": 10_000, "empty": 0, "twin": 10_000}
     assert (tmp_path / "home" / "a" / "x.bin").read_bytes() == (tmp_path / "home" / "twin").read_bytes()
     assert (tmp_path / "home" / "a" / "x.bin").stat().st_mode & 0o777 == 0o600
+
+
+@pytest.fixture
+def disk(root: Path) -> Iterator[Path]:
+    """Have the robot mount another disk in the folder, with a file, above one that it hides."""
+    folder = root / "sub" / "my disk"
+    (folder / "in").mkdir(parents=True)
+    (folder / "in" / "hidden").write_bytes(b"old" * 1_000_000)
+    subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "none", folder], check=True)
+    try:
+        (folder / "in").mkdir()
+        (folder / "in" / "run.bag").write_text("data")
+        yield folder
+    finally:
+        subprocess.run(["umount", folder], check=True)
+
+
+@pytest.mark.parametrize("path", [".", "sub", "sub/my disk", "sub/my disk/in", "sub/my disk/gone"])
+def test_what_lies_on_another_disk_of_the_robot_is_not_missing_in_silence(
+    root: Path, disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, path: str
+) -> None:
+    """A container sees it. The robot's folder, closed off from all others, shows what the disk hides there."""
+    (root / "sub" / "beside").write_text("here")
+    monkeypatch.setattr(bringing, "_FEW", 0)  # in a tar
+    monkeypatch.setattr(bringing, "_ENTRY", 1024)
+    monkeypatch.setattr(bringing, "MOST_FOLDERS", 100)
+    found = brought(root, tmp_path / "home", path)
+    failed = {one.path: one.note for one in found.values() if one.failed}
+    mounted = os.path.relpath(disk, (root / path).parent if path != "." else root)
+    assert list(failed) == [mounted if disk.is_relative_to(root / path) else path.rpartition("/")[2]]
+    assert "something else is mounted there" in "".join(failed.values())
+    came = {one.path for one in found.values() if one.name}
+    assert came == {".": {"sub/beside"}, "sub": {"sub/beside"}}.get(path, set())
+
+
+def test_a_disk_that_the_container_mounts_by_itself_comes_with_it(root: Path, disk: Path, tmp_path: Path) -> None:
+    for number in range(30):
+        (root / "sub" / f"beside{number}").write_text("here")
+    mounts = [
+        {"Source": str(root), "Destination": "/data", "RW": True},
+        {"Source": str(disk), "Destination": "/data/sub/my disk", "RW": True},
+    ]
+    home = Home(parts=tmp_path / "parts")
+    found, _ = bring_results(Machine(), {"Mounts": mounts}, [Result(path="/data")], tmp_path / "home", home)
+    came = {f"sub/beside{number}" for number in range(30)} | {"sub/my disk/in/run.bag"}
+    assert {one.path: one.failed for some in found.values() for one in some} == dict.fromkeys(came, False)
+
+
+def test_a_folder_that_cannot_be_read_is_told(root: Path, tmp_path: Path) -> None:
+    """Such as one of root's, where another user logs in, or one that a network's disk does not give to root."""
+    (root / "closed" / "deep").mkdir(parents=True)
+    (root / "closed" / "bag").write_text("data")
+    (root / "open").write_text("data")
+    os.chmod(root / "closed", 0)
+    machine = Machine()
+    machine.runs = "exec setpriv --bounding-set=-dac_override,-dac_read_search sh -c {}"
+    found = brought(root, tmp_path / "home", ".", machine)
+    assert {path: one.failed for path, one in found.items()} == {".": True, "open": False}
+    assert "cannot be read" in found["."].note
 
 
 HOSTILE = ["line\nfeed", "x" * 255, "Case", "case", "a\\b", "%41", "CON: <x>", "\x1b[31m", "..\u202e", " ", "-rf"]

@@ -6,6 +6,7 @@ import json
 import os
 import shlex
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ class Engine:
         self.silent = ""
         """What `docker` answers with a complaint alone."""
         self.complaint = "permission denied while trying to connect"
+        self.after: Callable[[object], None] = lambda _query: None
 
     def ask(self, queries: list[EngineQuery | Query]) -> list[Reply]:
         return [self._answer(one) for one in queries]
@@ -41,6 +43,7 @@ class Engine:
             return Reply(status=200, out=json.dumps({"Version": "20.10.24", "GoVersion": self.go}))
         if query.command.startswith("ids=$(docker ps -aq --no-trunc "):  # those that have ended, too
             if self.silent == "ps":
+                self.after(query)
                 return Reply(status=1, ok=False, err=self.complaint)
             _, _, name = query.command.partition(" --filter volume=")
             return Reply(status=0, out="".join(self.having.get(name.split(")")[0], [])))
@@ -141,7 +144,15 @@ def test_what_needs_nothing_is_left_to_its_engine(tmp_path: Path, engine: dict[s
 
 
 @pytest.mark.parametrize(
-    "body", [{"Driver": None}, {"Driver": ""}, {"Mountpoint": "v/_data"}, {"Mountpoint": None}, {"Driver": ["local"]}]
+    "body",
+    [
+        {"Driver": None},
+        {"Driver": ""},
+        {"Mountpoint": "v/_data"},
+        {"Mountpoint": "/v\0/_data"},
+        {"Mountpoint": None},
+        {"Driver": ["local"]},
+    ],
 )
 def test_a_volume_of_which_too_little_is_told_is_not_removed(tmp_path: Path, body: dict[str, Any]) -> None:
     told = removed(Engine(tmp_path, **body), volume("v"))
@@ -263,3 +274,35 @@ def test_other_commands_are_not_looked_at(tmp_path: Path) -> None:
     ):
         assert removed(engine, EngineCall(method=method, path=path)) is None
     assert engine.done == []
+
+
+@pytest.mark.parametrize("where", [".", "below"])
+def test_a_volume_with_a_disk_in_it_stays_as_it_is(tmp_path: Path, where: str) -> None:
+    """Its folder had been renamed by then, and another one was in its place."""
+    folder = tmp_path / "v" / "_data"
+    (folder / "below").mkdir(parents=True)
+    disk = (folder / where).resolve()
+    subprocess.run(["mount", "-t", "tmpfs", "test", disk], check=True)
+    try:
+        (disk / "mine").write_text("data")
+        engine = Engine(tmp_path)
+        told = removed(engine, volume("v"))
+        assert (disk / "mine").read_text() == "data" and os.listdir(tmp_path / "v") == ["_data"]
+    finally:
+        subprocess.run(["umount", disk], check=True)
+    assert told is not None and not told.ok and "mounted" in told.err and "a container that still runs" not in told.err
+    assert not [one for one in engine.done if isinstance(one, EngineCall)]
+
+
+def test_who_has_a_volume_is_asked_again_where_one_went_meanwhile(tmp_path: Path) -> None:
+    filled(tmp_path / "v" / "_data")
+    engine = Engine(tmp_path)
+    engine.silent, engine.complaint = "ps", "Error: No such container: 0123"
+    told = removed(engine, volume("v"))
+    assert told is not None and "does not say who has its volumes" in told.err
+
+    def heard(_query: object) -> None:
+        engine.silent = ""
+
+    engine.after = heard
+    assert removed(engine, volume("v")) is None

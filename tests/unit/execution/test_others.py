@@ -117,6 +117,16 @@ def test_who_does_not_say_who_made_what_is_there_gets_nothing(path: str) -> None
     assert there(world)["r1"] == {"srprov.hello.web"}
 
 
+def test_who_does_not_say_it_in_time_gets_nothing_either() -> None:
+    """A late engine is not one that is not there: it runs what somebody else made."""
+    world = World().add("r1")
+    late = planned_by(world, "late", experiment(service("late", robot="r1")))
+    assert done(world, planned_by(world, "first", MINE)).exit_code == 0
+    world.robots["r1"].engine.late = True
+    with pytest.raises(RefusedError, match=r"r1 does not say who .*: the Docker Engine did not answer within 20 s"):
+        done(world, late)
+
+
 def test_a_robot_whose_containers_cannot_be_read_is_not_said_to_have_none() -> None:
     """`destroy` did nothing there, and said that it was done."""
     world = World().add("r1")

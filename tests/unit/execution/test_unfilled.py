@@ -8,9 +8,12 @@ import shutil
 import subprocess
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import pytest
 
+from srprov.errors import TransportError
+from srprov.execution.sending import sent
 from srprov.execution.unfilled import unfilled
 from srprov.modules.container_leftover import left_by_build
 from srprov.wire import Command, EngineCall, EngineQuery, Query, Reply, Run
@@ -28,6 +31,7 @@ class Engine:
         self.says: dict[str, Reply] = {}
         """Path of a call -> what is answered in place of doing it."""
         self.volume = {"Driver": "local", "Options": None}
+        self.host = "robot1"
 
     def ask(self, queries: list[EngineQuery | Query]) -> list[Reply]:
         return [self._shell(one.command) if isinstance(one, Query) else self._answer(one) for one in queries]
@@ -186,7 +190,14 @@ def test_a_volume_that_is_not_there_is_made_first(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "volume", [{"Driver": "nfs"}, {"Options": {"device": "10.0.0.1:/x"}}, {"Mountpoint": "v"}, {"Mountpoint": None}]
+    "volume",
+    [
+        {"Driver": "nfs"},
+        {"Options": {"device": "10.0.0.1:/x"}},
+        {"Mountpoint": "v"},
+        {"Mountpoint": None},
+        {"Mountpoint": "/x\0y"},
+    ],
 )
 def test_a_volume_that_has_no_folder_of_its_own_is_not_filled(tmp_path: Path, volume: dict[str, Any]) -> None:
     volumes(tmp_path, v="")
@@ -207,3 +218,33 @@ def test_nothing_is_asked_where_nothing_would_be_filled() -> None:
         kept: Command = command
         assert unfilled(kept, engine) is kept  # type: ignore[arg-type]
     assert engine.asked == [] and engine.called == []
+
+
+def test_a_name_that_a_shell_does_not_see_is_something(tmp_path: Path) -> None:
+    """A volume with one file, called by a line feed, counted as empty: no container with it could be made any more."""
+    volumes(tmp_path, v="", w="")
+    (tmp_path / "v" / "_data" / "\n").write_text("mine")
+    engine = Engine([], tmp_path)
+    assert made(engine, V, W) == [True, True]
+    assert os.listdir(tmp_path / "v" / "_data") == ["\n"] and os.listdir(tmp_path / "w" / "_data") == ["deep"]
+
+
+def test_a_disk_that_is_mounted_at_a_volumes_place_is_not_filled(tmp_path: Path) -> None:
+    volumes(tmp_path, v="")
+    subprocess.run(["mount", "-t", "tmpfs", "test", tmp_path / "v" / "_data"], check=True)
+    try:
+        assert made(Engine([], tmp_path), V) == [True]
+        assert os.listdir(tmp_path / "v" / "_data") == []
+    finally:
+        subprocess.run(["umount", tmp_path / "v" / "_data"], check=True)
+
+
+def test_what_a_robot_says_that_cannot_be_a_command_is_that_robots_failure() -> None:
+    """A traceback ended the run of all robots."""
+    engine = Engine(None)
+    engine.ask = mock.Mock(  # type: ignore[method-assign] - a lie
+        side_effect=ValueError("a shell word cannot hold a NUL byte")
+    )
+    with pytest.raises(TransportError, match="its answers cannot be read: ValueError: a shell word") as told:
+        sent(asked_for(V), engine)  # type: ignore[arg-type]
+    assert told.value.host == "robot1"

@@ -19,6 +19,7 @@ from srprov.definitions.model import Host
 from srprov.errors import RefusedError, SrprovError, TransportError, UsageError
 from srprov.session import Session
 from srprov.transport import connect
+from srprov.transport.container_streams import given
 from tests.unit.transport.test_local_session import PlayedEngine, pytestmark, reply
 
 __all__ = ["pytestmark"]
@@ -348,3 +349,34 @@ def test_a_robot_without_what_is_needed_says_so(
     for act in (lambda: list(session.copy_out("c", "/data")), lambda: use(session, "/data")):
         with pytest.raises(TransportError, match="GNU tar and find are needed"):
             act()
+
+
+class Talker:
+    """A robot whose shell talks for ever, and takes nothing."""
+
+    ended = False
+
+    def __init__(self, said: bytes) -> None:
+        self.said = said
+
+    def read(self) -> tuple[bytes, bytes]:
+        said, self.said = self.said, b"x" * 4096
+        return said, b"x"
+
+    def write(self, _data: memoryview) -> int:
+        return 0
+
+    def wait(self, _seconds: float, *, writing: bool) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.mark.parametrize("said", [b"x", b"ready\n"])
+def test_who_only_talks_is_not_waited_for(monkeypatch: pytest.MonkeyPatch, said: bytes) -> None:
+    """What it takes counts: it may print without end."""
+    seconds = iter(range(0, 100_000, 5))
+    monkeypatch.setattr("srprov.pace.time.monotonic", lambda: float(next(seconds)))
+    with pytest.raises(TransportError, match="cannot be written"):
+        given("robot1", Talker(said), "/x", {}, iter([b"a" * 100]))  # type: ignore[arg-type]

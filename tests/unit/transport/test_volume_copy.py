@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from srprov.sandbox import sandboxed_writing
-from srprov.transport.volume_copy import DEVICES, UNPACK, copy_volume
+from srprov.transport.volume_copy import DEVICES, UNPACK, _size_of, copy_volume
 from srprov.wire import CopyVolume, Query, Reply, Run, quote
 
 MIB = 1 << 20
@@ -118,3 +118,25 @@ def test_data_that_comes_holds_no_device_of_the_robot(
     script = f"root={quote(str(tmp_path))}; {sandboxed_writing(UNPACK)}"
     done = subprocess.run(["sh", "-c", script], input=buffer.getvalue(), capture_output=True, check=False, timeout=30)
     assert (done.returncode == 0, DEVICES in done.stderr.decode()) == (fine, not fine), done
+
+
+def test_data_in_which_a_disk_is_mounted_is_not_moved_without_it(tmp_path: Path) -> None:
+    """Both hashes would be equal, and what lies on the disk go with the volume at its source."""
+    data, docker = tmp_path / "v" / "_data", tmp_path / "bin" / "docker"
+    (data / "disk").mkdir(parents=True)
+    docker.parent.mkdir()
+    docker.write_text(f"#!/bin/sh\necho {data}\n")
+    docker.chmod(0o755)
+
+    def size() -> subprocess.CompletedProcess[str]:
+        run = {**os.environ, "PATH": f"{docker.parent}:{os.environ['PATH']}"}
+        words = ["sh", "-c", _size_of("v").script]
+        return subprocess.run(words, env=run, capture_output=True, text=True, check=False, timeout=30)
+
+    assert size().returncode == 0
+    subprocess.run(["mount", "-t", "tmpfs", "test", data / "disk"], check=True)
+    try:
+        done = size()
+    finally:
+        subprocess.run(["umount", data / "disk"], check=True)
+    assert done.returncode and "something else is mounted in it: ./disk" in done.stderr, done
