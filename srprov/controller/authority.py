@@ -74,7 +74,7 @@ def asked(saved: PlanFile) -> tuple[Permission, ...]:
     names = _names(saved)
     contexts = {tag: saved.contexts[tag] for tag in builds.keys() & {service.cdf for service in services}}
     built = {(one.host, one.name) for one in steps if one.module == "image" and one.params.source == "build"}
-    claim = PlacementClaim(plan, names, wants_of(saved))
+    claim = PlacementClaim(plan, names, wants_of(saved), underlays_of(saved))
     # of what is right already, only checks are asked on the robots
     strange = [want for want in steps if not _is_own(want, names, plan, contexts, built, claim)]
     strange += [want for want in saved.also_wanted if want.module in PROBING]
@@ -99,16 +99,19 @@ def _url(want: Resource) -> str:
     return want.params.url if isinstance(want.params, DataParams) else ""
 
 
-def check_underlay(saved: PlanFile, live: Collection[str]) -> None:
-    """Refuse packets to where only a file of elsewhere says that a robot is; `live` are those of robots that answer.
+def check_underlay(saved: PlanFile, live: Mapping[str, str]) -> None:
+    """Refuse packets to where only a file of elsewhere says that a robot is.
+
+    `live` is robot -> its underlay address, of those that answer.
 
     Raises:
         RefusedError: Links would send to an address of a robot that does not answer, or the record would name it.
     """
-    told = _names(saved).vteps - set(live)
-    if strange := sorted(told & {vtep for want in wants_of(saved) for vtep in vteps_of(want)}):
+    told = {robot: address for robot, address in underlays_of(saved).items() if live.get(robot) != address}
+    used = {vtep for want in wants_of(saved) for vtep in vteps_of(want)}
+    if strange := sorted(f"{address} for {robot}" for robot, address in told.items() if address in used):
         raise RefusedError(
-            f"packets would go to {', '.join(strange)}, which only this file says to be a robot that is out of reach",
+            f"packets would go to {', '.join(strange)}, of which only this file says that it is there",
             hint="apply it when that robot answers, or plan the EDF here",
             code=Code.STRANGE_PLAN,
         )
@@ -159,7 +162,7 @@ def _names(saved: PlanFile) -> Names:
         link=link,
         network=network_name(saved.plan.instance),
         tunnel=tunnel_name(saved.plan.instance),
-        vteps=frozenset(underlays_of(saved).values()),
+        vteps=frozenset(filter(None, underlays_of(saved).values())),
     )
 
 

@@ -85,7 +85,8 @@ def underlays_of(saved: PlanFile) -> dict[str, str]:
     """
     members = saved.fingerprints.keys() & {*saved.plan.assignment.values()}
     found = {one: mapping(mapping(saved.fingerprints[one]).get("underlay")).get("address") for one in members}
-    return {robot: address for robot, address in found.items() if isinstance(address, str)}
+    # one with a scope reaches no other robot, and no overlay has it
+    return {robot: "" if "%" in one else one for robot, one in found.items() if isinstance(one, str)}
 
 
 def mixed_up(
@@ -186,7 +187,7 @@ def of_others(
         elif isinstance(one, NetworkParams):
             mine[one.gateway] = f"the bridge on {want.host}"
             moving |= {mine[one.gateway]} if want.host in snapshot.facts else set()
-    known = {want.params.service for want in wants if isinstance(want.params, ContainerParams)}
+    known = {want.params.service: want.host for want in wants if isinstance(want.params, ContainerParams)}
     gone = {(step.host, step.name) for step in steps if step.want is None}
     there = {(host, one.name) for host, some in snapshot.observed.items() for one in some}
 
@@ -196,8 +197,11 @@ def of_others(
     records = [some[instance] for some in snapshot.records.values() if instance in some]
     for record in filter(None, map(read_record, records)):
         staying = {name for name, robot in record.robots.items() if stays(robot, container_name(instance, name))}
-        for name in staying - known:
+        for name in staying - known.keys():
             yield f"{name} on {record.robots[name]}, of which this plan says nothing"
+        for name in staying & known.keys():
+            if (robot := record.robots[name]) != known[name] and robot not in snapshot.facts:
+                yield f"{name} on {robot}, which does not answer or is not asked: it would be on {known[name]}, too"
         ends = [(str(ip), name) for name, ip in record.addresses.items() if name in staying]
         ends += [(mac, name) for name, mac in record.macs.items() if name in staying]
         ends += [(str(ip), f"the bridge on {robot}") for robot, ip in record.gateways.items()

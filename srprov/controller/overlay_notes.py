@@ -17,6 +17,7 @@ from srprov.names import few
 from srprov.network.foreign import foreign_uses, overlap
 from srprov.network.identity import identify, link_names
 from srprov.network.model import Overlay
+from srprov.network.record import read_record
 from srprov.planning.plan import Step
 from srprov.resource import State
 
@@ -26,7 +27,18 @@ _LOST = "what is reached there by a default route is reached no more"
 
 def overlay_notes(overlay: Overlay, snapshot: Snapshot, experiment: Experiment) -> tuple[str, ...]:
     """Return what is to be said of an overlay: nothing where it is as its name and its robots' links make it."""
-    return (*_of_mtu(overlay, snapshot), *_of_subnet(overlay, snapshot, experiment.network))
+    return (
+        *_of_mtu(overlay, snapshot), *_of_subnet(overlay, snapshot, experiment.network), *_of_taken(overlay, snapshot)
+    )  # fmt: skip
+
+
+def _of_taken(overlay: Overlay, snapshot: Snapshot) -> Iterator[str]:
+    """Return a note for each robot out of reach of which another one has the address by now: it gets nothing."""
+    record = read_record(snapshot.placements.get(overlay.instance))
+    now = {facts.underlay_address: robot for robot, facts in sorted(snapshot.facts.items())}
+    for robot, vtep in (record.vteps if record else {}).items():
+        if robot not in snapshot.facts and vtep in now:
+            yield f"{robot} is out of reach, and {now[vtep]} has the address {vtep} that it had: nothing is sent to it"
 
 
 def _of_mtu(overlay: Overlay, snapshot: Snapshot) -> tuple[str, ...]:

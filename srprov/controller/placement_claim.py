@@ -23,9 +23,11 @@ _KEYS = {"instance", "source", "robots", "services", "serial", *_OVERLAY}
 class PlacementClaim:
     """What a plan's own resources say of its placement."""
 
-    def __init__(self, plan: Plan, names: Names, wants: Iterable[Resource]) -> None:
-        """Take all that the plan wants, also what is right already."""
-        self._plan, self._names = plan, names
+    def __init__(
+        self, plan: Plan, names: Names, wants: Iterable[Resource], underlays: Mapping[str, str]
+    ) -> None:  # fmt: skip
+        """Take all that the plan wants, also what is right already, and robot -> its underlay address."""
+        self._plan, self._names, self._underlays = plan, names, underlays
         self._networks: dict[str, NetworkParams] = {}
         self._endpoints: dict[str, dict[str, str]] = {}
         self._judged: dict[str, bool] = {}
@@ -62,7 +64,8 @@ class PlacementClaim:
         )
 
     def _is_robot(self, name: str, told: Mapping[str, Any]) -> bool:
-        if told.keys() != {"gateway", "vtep"} or told["vtep"] not in ("", *self._names.vteps):
+        # a later plan sends there what is for a robot that is away by then
+        if told.keys() != {"gateway", "vtep"} or told["vtep"] != self._underlays.get(name):
             return False
         network = self._networks.get(name)
         # of a robot that is out of reach nothing is known but what the last record said

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import hmac
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from msgspec.structs import replace
 
@@ -39,6 +39,11 @@ def provers(saved: PlanFile) -> tuple[Owner, ...]:
     return tuple(one for one in owners if hmac.compare_digest(one.plan_proof(digest), saved.proof))
 
 
+def had_it(saved: PlanFile) -> Collection[str]:
+    """Return the robots on which this machine's last run of a plan's instance put something."""
+    return recall(saved.plan.instance).robots
+
+
 def check_claim(
     saved: PlanFile, wants: Sequence[Resource], steps: Sequence[Step], snapshot: Snapshot, *, adopt: bool
 ) -> None:  # fmt: skip
@@ -67,6 +72,20 @@ def check_claim(
     )
 
 
+def refuse_hidden(saved: PlanFile, snapshot: Snapshot) -> None:
+    """Refuse a file from elsewhere that is not about robots that have had something of its instance, and answer.
+
+    Raises:
+        RefusedError: Names them.
+    """
+    hidden = sorted(saved.plan.unreachable.keys() & snapshot.facts.keys())
+    beside = (had_it(saved) & snapshot.facts.keys()) - {*saved.fingerprints, *hidden}
+    _refuse(
+        [f"{robot} answers, and the plan says that it does not" for robot in hidden]
+        + [f"{robot} has had some of it, and the plan is not about it" for robot in sorted(beside)]
+    )
+
+
 def refuse_left_out(
     saved: PlanFile, wants: Sequence[Resource], steps: Sequence[Step], snapshot: Snapshot
 ) -> None:  # fmt: skip
@@ -77,10 +96,12 @@ def refuse_left_out(
     Raises:
         RefusedError: Names them.
     """
-    chosen = "its steps are only some of those that follow from it" if saved.limit or saved.targets else ""
-    hidden = sorted(saved.plan.unreachable.keys() & snapshot.facts.keys())
-    wrong = [chosen] * bool(chosen) + [f"{robot} answers, and the plan says that it does not" for robot in hidden]
-    if wrong := wrong + sorted({*of_others(saved.plan.instance, wants, steps, snapshot)}):
+    chosen = ["its steps are only some of those that follow from it"] * bool(saved.limit or saved.targets)
+    _refuse(chosen + sorted({*of_others(saved.plan.instance, wants, steps, snapshot)}))
+
+
+def _refuse(wrong: Sequence[str]) -> None:
+    if wrong:
         raise RefusedError(
             "this plan, which was not written here, leaves out what is there:\n" + "\n".join(wrong),
             hint="have all of its EDF planned, or plan it here; or apply it with --signers FILE if it is signed",

@@ -23,7 +23,7 @@ from srprov.controller.overlay_notes import notes_of_a_plan_from_elsewhere
 from srprov.controller.ownership import check_source, looking, makers_of, owned
 from srprov.controller.permissions import require_decided
 from srprov.controller.plan import Planned
-from srprov.controller.plan_proof import check_claim, proved, provers
+from srprov.controller.plan_proof import check_claim, had_it, proved, provers, refuse_hidden
 from srprov.controller.robots_notes import notes_of_robots
 from srprov.controller.staleness import refuse_stale, refuse_unnoted
 from srprov.controller.writers import check_writers
@@ -121,12 +121,15 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
             hint="use the inventory that the plan was made with, or plan again",
             code=Code.PLAN_MISFIT,
         )
-    part = replace(fleet.inventory, hosts={name: fleet.inventory.hosts[name] for name in sorted(saved.fingerprints)})
+    owners = provers(saved)
+    # who wrote a file elsewhere may leave out a robot that has the instance, or say that it does not answer
+    left = () if owners or signed else fleet.inventory.hosts.keys() & {*saved.plan.unreachable, *had_it(saved)}
+    hosts = sorted({*saved.fingerprints, *left})
+    part = replace(fleet.inventory, hosts={name: fleet.inventory.hosts[name] for name in hosts})
     wants = wants_of(saved)
     with Gathering(part, fleet.sessions.get, engine=True, forks=fleet.forks) as look:
         snapshot = look.probe(look.closer(Detail.ENGINE), wants)
         refuse_stale(saved, wants, snapshot, look)
-        owners = provers(saved)
         check_saved(saved.plan, wants, snapshot, owners)
         believed = looking(snapshot, saved.plan.instance).snapshot
         check_source(believed, saved.plan.instance, saved.plan.source, adopt=adopt)
@@ -136,8 +139,10 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
             check_copies(saved, ours, snapshot.facts)
             refuse_files(wants)
             refuse_labels(wants, trusted=adopt or signed)
-            check_underlay(saved, {facts.underlay_address for facts in snapshot.facts.values()})
+            check_underlay(saved, {robot: facts.underlay_address for robot, facts in snapshot.facts.items()})
             if not signed:
+                if adopt:
+                    refuse_hidden(saved, snapshot)
                 check_builders([step.want for step in saved.plan.steps if step.want], fleet.inventory, snapshot)
         _check_networks(wants, saved.plan.instance, believed)
         derived = _derived(saved, wants, snapshot, look, ours=bool(owners))

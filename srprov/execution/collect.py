@@ -16,10 +16,10 @@ import msgspec
 from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.execution.listing import Entry, Listing, ListingError
-from srprov.execution.result_scripts import LIST, TAR, UNNAMEABLE, WHY
+from srprov.execution.result_scripts import TAR, UNNAMEABLE, WHY, lists
 from srprov.modules.mount_place import led_of
 from srprov.pace import TOO_LITTLE, Pace
-from srprov.sandbox import MISSING, MOUNTS_SEEN, ended_with_channel, ending, inside
+from srprov.sandbox import MISSING, ended_with_channel, ending, inside
 from srprov.session import Session, Streams
 from srprov.untrusted import absolute, mapping, mappings, string
 
@@ -111,8 +111,7 @@ def listings(robot: Robot, places: Sequence[Place]) -> list[list[Entry] | None]:
     """
     if not places:
         return []
-    lists = (inside(one.root, one.path, LIST, one.real, first=MOUNTS_SEEN) for one in places)
-    script = "; ".join(f"( {one} ); printf '=%d\\0' $?" for one in lists)
+    script = "; ".join(f"( {lists(one.root, one.path, one.real)} ); printf '=%d\\0' $?" for one in places)
 
     def work(session: Session) -> list[tuple[int, list[Entry]]]:
         found, pace, allowed = Listing(len(places)), Pace(), 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from srprov.sandbox import ELSEWHERE, LED_OUT, MISSING, NO_SANDBOX, NOT_CLOSED
+from srprov.sandbox import ELSEWHERE, LED_OUT, MISSING, MOUNTS_SEEN, NO_SANDBOX, NOT_CLOSED, inside
 
 _NO_TOOLS = 46
 WHY = {
@@ -15,7 +15,7 @@ WHY = {
     ELSEWHERE: "its folder leads elsewhere than when its container was made",
 }
 """Exit statuses with a meaning of their own."""
-LIST = (
+_LIST = (
     f"find . -prune -printf '' && sha256sum -z /dev/null >/dev/null || exit {_NO_TOOLS}; exec 3>&1; "
     "if LC_ALL=C find \"$what\" -xdev ! -type d -printf '%y %s %p\\0%l\\0' 2>&1 >&3 | grep -qv "
     "': No such file or directory$'; then printf 'U 0 %s\\0\\0' \"${what%/}/.\"; fi; printf 'H\\0'; "
@@ -28,3 +28,8 @@ TAR = (
 )
 UNNAMEABLE = re.compile(r"\n|\s\Z")
 """Paths that cannot stand in the list of what tar leaves out: they come though nobody needs them."""
+
+
+def lists(root: str, path: str, real: str) -> str:
+    """Return the script that lists a path below a root; see `sandbox.inside`."""
+    return inside(root, path, _LIST, real, first=MOUNTS_SEEN)

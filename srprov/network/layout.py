@@ -91,8 +91,10 @@ def _joined(plain: Overlay, placed: Mapping[str, str], tunnel: Tunnel | None) ->
 
 def _underlays(placed: Mapping[str, str], snapshot: Snapshot, record: PlacementRecord | None) -> dict[str, str]:
     """Return each robot's underlay address: as it says itself, or for one out of reach as the last placement says."""
-    known = dict(record.vteps) if record else {}
-    known |= {robot: facts.underlay_address for robot, facts in snapshot.facts.items()}
+    there = {robot: facts.underlay_address for robot, facts in snapshot.facts.items()}
+    # another robot may have that address by now: it is sent nothing that is for one that is away
+    known = {robot: vtep for robot, vtep in (record.vteps if record else {}).items() if vtep not in there.values()}
+    known |= there
     # facts may come from a file; an address with a scope (and whatever text that is) reaches no other robot
     return {
         robot: known[robot] for robot in sorted(set(placed.values())) if known.get(robot) and "%" not in known[robot]
