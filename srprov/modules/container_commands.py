@@ -51,7 +51,7 @@ def creation(name: str, want: ContainerParams, labels: Mapping[str, str] = Mappi
         CONFIG_HASH: config_hash,
         CONFIG_PARTS: ",".join(f"{key}={value}" for key, value in sorted(parts.items())),
         STOP_GRACE: str(body["StopTimeout"]),
-        **({TAKEN: " ".join(sorted(want.taken))} if want.taken else {}),
+        TAKEN: " ".join(sorted(want.taken)),  # also if none: an image may have that label
         **labels,
     }
     # engines older than API 1.42 take CreateMountpoint without a word, and refuse the mount
