@@ -123,7 +123,9 @@ _HISTORY = click.option(
 )  # fmt: skip
 _REASSIGN = click.option("--reassign", is_flag=True, help="Let running services move when that is cheaper.")
 _ADOPT = click.option(
-    "--adopt", is_flag=True, help="Take over what another file made, or only robots know; a plan file of others, too."
+    "--adopt",
+    is_flag=True,
+    help="Take over what another file made, or only robots know; believe a plan file of others that makes an instance.",
 )
 _DATA = click.option(
     "--data", type=click.Choice(["move", "leave"]), default=None,

@@ -6,8 +6,6 @@ import functools
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 from srprov.controller.robot_files import is_record_path
-from srprov.facts.model import Snapshot
-from srprov.modules.container import container_name
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.file import FileParams
 from srprov.modules.network import NetworkParams
@@ -17,9 +15,7 @@ from srprov.modules.vxlan_filter import VxlanFilterParams
 from srprov.modules.wireguard import WireguardParams
 from srprov.modules.wireguard_peers import WireguardPeersParams, host_of
 from srprov.network.addresses import is_free
-from srprov.network.identity import network_name
 from srprov.network.record import read_record
-from srprov.planning.plan import Step
 from srprov.planning.planfile import PlanFile
 from srprov.resource import Resource
 from srprov.untrusted import json_or_none, mapping
@@ -168,44 +164,3 @@ def had_twice(wants: Sequence[Resource]) -> Iterator[str]:
     for end, some in sorted(found.items()):
         if len(some) > 1:
             yield f"{end}: {' and '.join(sorted(some))} would both have it"
-
-
-def of_others(
-    instance: str, wants: Sequence[Resource], steps: Iterable[Step], snapshot: Snapshot
-) -> Iterator[str]:  # fmt: skip
-    """Say what records of the instance name that a plan neither wants nor removes, or whose address it gives away.
-
-    What is left out of a plan file stays where it is: whoever asks for it by its name would come to another service.
-    On a robot that does not answer nothing is done: a service there has what the records say.
-    """
-    mine: dict[str, str] = {}
-    moving: set[str] = set()
-    for want in wants:
-        if isinstance(one := want.params, ContainerParams):
-            mine |= {end: one.service for end in (one.network.ip, one.network.mac) if end}
-            moving |= {one.service} if want.host in snapshot.facts else set()
-        elif isinstance(one, NetworkParams):
-            mine[one.gateway] = f"the bridge on {want.host}"
-            moving |= {mine[one.gateway]} if want.host in snapshot.facts else set()
-    known = {want.params.service: want.host for want in wants if isinstance(want.params, ContainerParams)}
-    gone = {(step.host, step.name) for step in steps if step.want is None}
-    there = {(host, one.name) for host, some in snapshot.observed.items() for one in some}
-
-    def stays(robot: str, name: str) -> bool:
-        return (robot, name) not in gone and (robot not in snapshot.facts or (robot, name) in there)
-
-    records = [some[instance] for some in snapshot.records.values() if instance in some]
-    for record in filter(None, map(read_record, records)):
-        staying = {name for name, robot in record.robots.items() if stays(robot, container_name(instance, name))}
-        for name in staying - known.keys():
-            yield f"{name} on {record.robots[name]}, of which this plan says nothing"
-        for name in staying & known.keys():
-            if (robot := record.robots[name]) != known[name] and robot not in snapshot.facts:
-                yield f"{name} on {robot}, which does not answer or is not asked: it would be on {known[name]}, too"
-        ends = [(str(ip), name) for name, ip in record.addresses.items() if name in staying]
-        ends += [(mac, name) for name, mac in record.macs.items() if name in staying]
-        ends += [(str(ip), f"the bridge on {robot}") for robot, ip in record.gateways.items()
-                 if stays(robot, network_name(instance))]  # fmt: skip
-        for end, name in ends:
-            if mine.get(end, name) != name and name not in moving:
-                yield f"{end}: {mine[end]} would have it, and {name} has it"

@@ -23,7 +23,7 @@ from srprov.controller.overlay_notes import notes_of_a_plan_from_elsewhere
 from srprov.controller.ownership import check_source, looking, makers_of, owned
 from srprov.controller.permissions import require_decided
 from srprov.controller.plan import Planned
-from srprov.controller.plan_proof import check_claim, had_it, proved, provers, refuse_hidden
+from srprov.controller.plan_proof import check_claim, proved, provers
 from srprov.controller.robots_notes import notes_of_robots
 from srprov.controller.staleness import refuse_stale, refuse_unnoted
 from srprov.controller.writers import check_writers
@@ -34,6 +34,7 @@ from srprov.facts.model import Snapshot
 from srprov.modules import PROBING
 from srprov.modules.network import NetworkParams
 from srprov.modules.secret import SecretParams
+from srprov.names import few
 from srprov.network.identity import check_names, identify
 from srprov.network.record import read_record
 from srprov.planning.diff import diff
@@ -46,6 +47,8 @@ from srprov.planning.target import targeted
 from srprov.record.memory import known_images
 from srprov.resource import Resource
 from srprov.secret import redact
+
+_SHOWN = 8
 
 
 def plan_file(planned: Planned) -> PlanFile:
@@ -122,9 +125,8 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
             code=Code.PLAN_MISFIT,
         )
     owners = provers(saved)
-    # who wrote a file elsewhere may leave out a robot that has the instance, or say that it does not answer
-    left = () if owners or signed else fleet.inventory.hosts.keys() & {*saved.plan.unreachable, *had_it(saved)}
-    hosts = sorted({*saved.fingerprints, *left})
+    # who wrote a file elsewhere may leave out a robot that has the instance
+    hosts = sorted(saved.fingerprints if owners or signed else fleet.inventory.hosts)
     part = replace(fleet.inventory, hosts={name: fleet.inventory.hosts[name] for name in hosts})
     wants = wants_of(saved)
     with Gathering(part, fleet.sessions.get, engine=True, forks=fleet.forks) as look:
@@ -141,14 +143,11 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
             refuse_labels(wants, trusted=adopt or signed)
             check_underlay(saved, {robot: facts.underlay_address for robot, facts in snapshot.facts.items()})
             if not signed:
-                if adopt:
-                    refuse_hidden(saved, snapshot)
                 check_builders([step.want for step in saved.plan.steps if step.want], fleet.inventory, snapshot)
+                check_claim(saved, snapshot, adopt=adopt)
         _check_networks(wants, saved.plan.instance, believed)
         derived = _derived(saved, wants, snapshot, look, ours=bool(owners))
         check_writers(derived.steps, [(want.host, one) for want, one in services_of(saved)], look)
-        if not (owners or signed):  # last: of a file that was changed it is told what was
-            check_claim(saved, wants, derived.steps, snapshot, adopt=adopt)
         plan = _as_found(saved, derived, snapshot, look, ours=bool(owners))
     return Planned(plan=plan, saved=saved, makers=makers_of(snapshot, plan.instance, plan.source))
 
@@ -167,10 +166,11 @@ def _as_found(
         refuse_unnoted(saved, noted)
     else:
         noted = (*noted, *notes_of_a_plan_from_elsewhere(plan.instance, steps))
-    notes, away = (
-        tuple(dict.fromkeys((*plan.notes, *noted, *derived.notes))),
-        {**plan.unreachable, **snapshot.unreachable},
-    )
+    silent = {name: why for name, why in snapshot.unreachable.items() if name in saved.fingerprints}
+    if others := sorted(snapshot.unreachable.keys() - silent.keys()):
+        noted = (*noted, f"robots that do not answer may have something of its instance: {few(others, _SHOWN)}")
+    away = {name: why for name, why in plan.unreachable.items() if name not in snapshot.facts} | silent
+    notes = tuple(dict.fromkeys((*plan.notes, *noted, *derived.notes)))
     return replace(plan, steps=steps, unchanged=derived.unchanged, notes=notes, unreachable=away, leads=leads)
 
 

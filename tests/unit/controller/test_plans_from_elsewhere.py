@@ -63,7 +63,7 @@ def planned(world: World, what: Experiment, value: str, source: str = "lab@desk:
     [
         ("lab@desk:/e/fleet.edf", False, "not written on this controller"),
         ("x@y:/z", False, "was made from"),
-        ("x@y:/z", True, "would use what is there of secrets: token"),
+        ("x@y:/z", True, "would change instance 'fleet', which is there on r1"),
     ],
 )
 def test_a_secret_that_a_failed_run_left_is_given_to_no_plan_from_elsewhere(source: str, adopt: bool, why: str) -> None:
@@ -80,7 +80,7 @@ def test_a_plan_from_elsewhere_places_no_service_of_an_instance_that_this_machin
     """Root on `r1` removed what it had of it; the plan's record was the newest, and `cp` sent a file to `r1`."""
     world = World().add("r1")
     saved = planned(world, experiment(service("x", robot="r1", network="none"), name="fleet"), "value-of-a-test")
-    with pytest.raises(RefusedError, match=r"would change instance 'fleet'$"):
+    with pytest.raises(RefusedError, match=r"would make instance 'fleet'$"):
         check_plan(saved, fleet(world))
     assert not remember("fleet", Memory(robots=frozenset({"r2"}), records=("0",)))
     with pytest.raises(RefusedError, match="would change instance 'fleet', put on r2 from here"):

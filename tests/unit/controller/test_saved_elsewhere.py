@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
 from typing import Any
 from unittest import mock
 
@@ -12,18 +11,23 @@ from msgspec.structs import replace
 
 from srprov.controller import plan as planning
 from srprov.controller.authority import asked, check_file
+from srprov.controller.owners import owners_folder
 from srprov.controller.saved import check_plan, kept_plan
 from srprov.errors import RefusedError, UsageError
 from srprov.network import layout
 from srprov.planning.planfile import PlanFile, dump
 from srprov.planning.planread import load
-from tests.fakes import World
+from srprov.record.memory import Memory, remember
+from tests.fakes import FakeRobot, World
 from tests.unit.controller.test_saved import _alone, planned
 from tests.worlds import apply, experiment, fleet, run, service
 
 __all__ = ["_alone"]
 
 MINE = experiment(service("one", robot="r1"), service("two", robot="r2"))
+NEW = experiment(
+    *(service(name, robot=robot) for name, robot in (("one", "r1"), ("two", "r2"), ("three", "r3"))), name="new"
+)
 ANOTHERS = "10.0.0.4"
 """The underlay address of r4."""
 
@@ -49,7 +53,7 @@ def test_no_packets_go_to_another_robots_address_for_one_that_is_away(world: Wor
     """The file said that r1 is where r4 is; r1 does not answer, so nobody contradicts: r4 was sent what is for r1."""
     true = layout._underlays
     with mock.patch.object(layout, "_underlays", lambda *given: {**true(*given), "r1": ANOTHERS}):
-        saved = kept_plan(planned(world, MINE))
+        saved = kept_plan(planned(world, NEW))
     prints = {robot: copy.deepcopy(dict(one)) for robot, one in saved.fingerprints.items()}
     prints["r1"]["underlay"]["address"] = ANOTHERS
     saved = written(replace(saved, fingerprints=prints))
@@ -76,26 +80,72 @@ def test_a_record_has_each_robot_where_the_plan_found_it(world: World, lie: str)
         check_file(replace(saved, plan=replace(saved.plan, permissions=())), "plan.json")
 
 
-def without(world: World, robot: str, make: Callable[[], PlanFile]) -> PlanFile:
-    """Have a plan made where an inventory lacks a robot."""
-    away = world.robots.pop(robot)
-    saved = make()
-    world.robots = {robot: away, **world.robots}
-    return saved
+def test_packets_go_to_no_robot_that_does_not_answer(world: World) -> None:
+    """Its address is only what the file says; the robot may be anywhere."""
+    saved = replace(kept_plan(planned(world, NEW)), proof="")
+    check_plan(saved, fleet(world), adopt=True)
+    world.robots["r3"].gone = True
+    with pytest.raises(RefusedError, match=r"packets would go to 10\.0\.0\.3 for r3"):
+        check_plan(saved, fleet(world), adopt=True)
 
 
-@pytest.mark.parametrize("says", ["nothing", "away"])
-def test_a_plan_that_is_not_about_a_robot_is_refused_where_that_has_some_of_it(world: World, says: str) -> None:
-    """`one` would run on both, and have other data on r2; nothing in the plan said so."""
-    moved = experiment(service("one", robot="r2"), service("two", robot="r2"))
-    plan = without(world, "r1", lambda: kept_plan(replace(planned(world, moved))))
-    unreachable = {"r1": "no answer"} if says == "away" else {}
-    saved = written(replace(plan, plan=replace(plan.plan, unreachable=unreachable)))
-    with pytest.raises((RefusedError, UsageError), match="r1"):
-        check_plan(saved, fleet(world), adopt=True)
-    world.robots["r1"].gone = True
-    with pytest.raises(RefusedError, match="one on r1, which does not answer or is not asked: it would be on r2, too"):
-        check_plan(saved, fleet(world), adopt=True)
+@pytest.mark.parametrize("there", ["robots", "one that the plan is not about", "memory"])
+def test_no_instance_that_is_there_is_changed(world: World, there: str) -> None:
+    """Of one, a file leaves out, or gives away, what nobody sees in what it shows: who runs where, who has an address.
+
+    The controller's own plan is done, and one that is signed.
+    """
+    away: dict[str, FakeRobot] = {}
+    if there != "robots":  # no robot of the plan has a record of it
+        world = World().add("r1", "r2")
+        apply(world, MINE)
+        away, world.robots = world.robots, {}
+        world.add("r3", address="10.0.0.3").add("r4", address="10.0.0.4")
+    what = experiment(service("one", robot="r4"), service("two", robot="r3")) if away else MINE
+    with mock.patch("srprov.controller.plan.source_of", return_value="lab@desk:/e/hello.edf"):
+        saved = kept_plan(planned(world, what))
+    check_plan(saved, fleet(world))
+    world.robots |= away
+    if there == "memory":
+        remember("hello", Memory(robots=frozenset(away)))
+        world.robots["r1"].gone = world.robots["r2"].gone = True
+    for proof in ("", "0" * 40):
+        for trust in ({}, {"adopt": True}):
+            forged = replace(saved, proof=proof)
+            with pytest.raises(RefusedError, match=r"not written on this controller, and would change .* r1, r2"):
+                check_plan(forged, fleet(world), **trust)
+    if there == "robots":
+        check_plan(replace(saved, proof=""), fleet(world), signed=True)
+        for twin in owners_folder().iterdir():
+            twin.unlink()
+        with pytest.raises(RefusedError, match=r"not written on this controller, and would change .* on r1, r2"):
+            check_plan(saved, fleet(world))
+
+
+def test_a_new_instance_is_made_whole_and_only_with_adopt(world: World) -> None:
+    saved = replace(kept_plan(planned(world, NEW)), proof="")
+    with pytest.raises(RefusedError, match="would make instance 'new'") as told:
+        check_plan(saved, fleet(world))
+    assert "--adopt" in told.value.hint
+    limited = replace(kept_plan(planned(world, NEW).limited(["r1"])), proof="")
+    for some in (limited, replace(limited, limit=(), targets=("of-r1",))):
+        with pytest.raises((RefusedError, UsageError)) as refused:
+            check_plan(some, fleet(world), adopt=True)
+        assert some is not limited or "only some of the steps that follow" in refused.value.message
+    silent = replace(limited, plan=replace(limited.plan, notes=(), unchanged=7777))
+    signed = check_plan(silent, fleet(world), signed=True).plan
+    assert any("left out by --limit or --exclude" in note for note in signed.notes) and signed.unchanged < 100
+
+
+def test_robots_that_a_file_calls_away_are_asked(world: World) -> None:
+    """Those that answer are not; of one that does not, it is told that it may have some of the instance."""
+    saved = replace(kept_plan(planned(world, NEW)), proof="")
+    away = replace(saved, plan=replace(saved.plan, unreachable={"r2": "no answer", "r4": "no answer"}))
+    world.add("r5")
+    world.robots["r4"].gone = world.robots["r5"].gone = True
+    plan = check_plan(away, fleet(world), adopt=True).plan
+    assert set(plan.unreachable) == {"r4"}
+    assert "robots that do not answer may have something of its instance: r5" in plan.notes
 
 
 def test_a_robot_that_is_away_gets_nothing_where_another_one_has_its_address(world: World) -> None:
