@@ -14,11 +14,14 @@ from dataclasses import dataclass, field
 from srprov import names as names_rule
 from srprov.codes import Code
 from srprov.definitions import ranges
+from srprov.errors import DefinitionError
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Scalar
 
 MOST_HOSTS = 10_000
-_MOST_MEMBERSHIPS = 200_000
+_MOST_MEMBERSHIPS = 500_000
+_MOST_VARIABLES = 500_000
+"""Of hosts and of those in groups, all counted together: fifty for each of the most hosts."""
 
 Variables = dict[str, tuple[Scalar, Node]]
 """name -> (where its name stands, its value)"""
@@ -53,38 +56,78 @@ class HostTree:
         self.groups: dict[str, Group] = {"all": Group("all")}
         self.hosts: dict[str, HostEntry] = {}
         self.findings = Findings()
+        self.too_large = False
+        """More was said than an inventory may hold: no further hosts are added, and what is here is not the whole."""
+        self._memberships = 0
+        self._variables = 0
 
     def group(self, name: str) -> Group:
         """Return a group, made when it is new."""
         return self.groups.setdefault(name, Group(name))
 
     def add_hosts(self, place: Scalar, group: str, variables: Variables | None = None) -> None:
-        """Add the host, or range of hosts, that a scalar names to a group, with variables of its own."""
+        """Add the host, or range of hosts, that a scalar names to a group, with variables of its own.
+
+        What a line costs is counted before it is done: a few characters stand for thousands of hosts.
+        """
+        if self.too_large:
+            return
+        own = variables or {}
         try:
             text, port = ranges.split_port(place.text)
-            names = ranges.expand(text)
+            count, names = ranges.count_and_names(text)
         except ValueError as error:
             self.findings.add(place, str(error), code=Code.INVENTORY)
             return
+        if port is not None:
+            own = {"ansible_port": (place, Scalar(place.source, place.line, place.column, str(port))), **own}
+        if not self._has_room(place, count, count * len(own)):
+            return
+        members = self.group(group).hosts
         for name in names:
             host = self._entry(name, place)
             if host is None:
                 return
-            if port is not None:
-                host.variables["ansible_port"] = (place, Scalar(place.source, place.line, place.column, str(port)))
-            host.variables.update(variables or {})
-            self.group(group).hosts[name] = place
+            host.variables.update(own)
+            members[name] = place
+
+    def _has_room(self, place: Node, memberships: int, variables: int) -> bool:
+        """Count what a line adds; where it is too much, that is a finding."""
+        self._memberships += memberships
+        self._variables += variables
+        if self._memberships > _MOST_MEMBERSHIPS:
+            self._overflow(place, f"hosts are in more than {_MOST_MEMBERSHIPS} groups, all counted together")
+        elif self._variables > _MOST_VARIABLES:
+            hint = "what all hosts of a group have is written once, as a variable of the group"
+            self._overflow(place, f"hosts have more than {_MOST_VARIABLES} variables, all counted together", hint)
+        return not self.too_large
+
+    def _overflow(self, place: Node, message: str, hint: str = "") -> None:
+        self.too_large = True
+        self.findings.add(place, message, (), hint, code=Code.TOO_LARGE)
+
+    def refuse_too_large(self) -> None:
+        """Go on only with what is whole.
+
+        Raises:
+            DefinitionError: More was said than an inventory may hold; with everything that was found until then.
+        """
+        if self.too_large:
+            raise DefinitionError(self.findings.problems)
 
     def _entry(self, name: str, place: Scalar) -> HostEntry | None:
         """Return the entry of a host, which is made when it is missing; None and a finding where it cannot be."""
+        if name in self.hosts:
+            return self.hosts[name]
         if wrong := names_rule.fault("robot", name):
             hint = "a range is written robot[1:4]" if "[" in name else ""
             self.findings.add(place, wrong, (), hint, code=Code.INVENTORY)
             return None
-        if name not in self.hosts and len(self.hosts) >= MOST_HOSTS:
-            self.findings.add(place, f"there are more than {MOST_HOSTS} hosts", code=Code.TOO_LARGE)
+        if len(self.hosts) >= MOST_HOSTS:
+            self._overflow(place, f"there are more than {MOST_HOSTS} hosts")
             return None
-        return self.hosts.setdefault(name, HostEntry(name, place))
+        entry = self.hosts[name] = HostEntry(name, place)
+        return entry
 
     def depths(self) -> dict[str, int]:
         """Return each group's longest distance from `all`; a group that contains itself is a finding."""
@@ -95,21 +138,22 @@ class HostTree:
         return depth
 
     def members(self) -> dict[str, set[str]]:
-        """Return every group's hosts, those of its children too; `all` has every host."""
+        """Return every group's hosts, those of its children too; `all` has every host.
+
+        Raises:
+            DefinitionError: As `refuse_too_large`.
+        """
         found: dict[str, set[str]] = {}
         count = 0
         for name, children in reversed(self._top_down()):
             group = self.groups[name]
-            found[name] = set(group.hosts).union(*(found[child] for child in children))
-            count += len(found[name])
+            # before they are joined: a host may come by each of the children
+            count += 0 if name == "all" else len(group.hosts) + sum(len(found[child]) for child in children)
             if count > _MOST_MEMBERSHIPS:
                 place = next(iter([*group.children.values(), *group.hosts.values()]))
-                self.findings.add(
-                    place,
-                    f"hosts are in more than {_MOST_MEMBERSHIPS} groups, all counted together",
-                    code=Code.TOO_LARGE,
-                )
-                break
+                self._overflow(place, f"hosts are in more than {_MOST_MEMBERSHIPS} groups, all counted together")
+                self.refuse_too_large()
+            found[name] = set(group.hosts).union(*(found[child] for child in children))
         return {**found, "all": set(self.hosts)}
 
     def _top_down(self) -> list[tuple[str, list[str]]]:

@@ -66,6 +66,7 @@ def _tree(paths: Sequence[str], folders: Sequence[str], unnamed: Collection[str]
                 read_one(part, tree, may_run=run and part == path and path not in unnamed)
             except DefinitionError as error:
                 tree.findings.extend(error.problems)
+    tree.refuse_too_large()
     for folder in folders:
         _read_variables(folder, tree, next((path for path in unnamed if _folder(path) == folder), ""))
     return tree
@@ -127,9 +128,8 @@ def read_one(path: str, tree: HostTree, *, may_run: bool) -> None:
     unseen.check(text := loader.read_text(path), path)
     names_alone.check_whole(path, text)
     first = next((line for line in map(str.strip, text.splitlines()) if line and line[0] not in "#;"), "")
-    if path.endswith((".yml", ".yaml", ".json")) or (
-        not path.endswith((".ini", ".cfg")) and _LOOKS_LIKE_YAML.match(first)
-    ):
+    called_yaml = path.endswith((".yml", ".yaml", ".json"))
+    if called_yaml or (not path.endswith((".ini", ".cfg")) and _LOOKS_LIKE_YAML.match(first)):
         _read_yaml(loader.parse(text, path), path, tree)
     else:
         inifile.read(text, path, tree)

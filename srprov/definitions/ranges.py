@@ -5,7 +5,10 @@ Takes text; gives every name in order. Pure.
 
 from __future__ import annotations
 
+import itertools
+import math
 import re
+from collections.abc import Iterator, Sequence
 
 _RANGE = re.compile(r"\[([0-9]+|[a-zA-Z]):([0-9]+|[a-zA-Z])(?::([0-9]+))?\]", re.ASCII)
 _ADDRESS = re.compile(r"(?P<name>[^:\s]+|\[[0-9a-fA-F:.%]+\]):(?P<port>[0-9]{1,5})", re.ASCII)
@@ -21,20 +24,32 @@ def expand(text: str) -> list[str]:
         ValueError: A range runs backwards, mixes digits and letters, or there are more names than `MOST_NAMES`; or the
             text is too long for a name.
     """
+    return list(count_and_names(text)[1])
+
+
+def count_and_names(text: str) -> tuple[int, Iterator[str]]:
+    """Return how many names a text with ranges stands for, and the names, each made when it is asked for.
+
+    Raises:
+        ValueError: As `expand`; no name was made before.
+    """
     if len(text) > _LONGEST:
         raise ValueError(f"'{text[:60]}…' is longer than {_LONGEST} characters")
-    names = [""]
-    rest = text
-    while (match := _RANGE.search(rest)) is not None:
-        parts = _parts(match)
-        if len(names) * len(parts) > MOST_NAMES:
-            raise ValueError(f"'{text[:60]}' stands for more than {MOST_NAMES} names")
-        names = [name + rest[: match.start()] + part for name in names for part in parts]
-        rest = rest[match.end() :]
-    return [name + rest for name in names]
+    found = list(_RANGE.finditer(text))
+    numbers = [_numbers(match) for match in found]
+    count = math.prod(map(len, numbers))
+    if count > MOST_NAMES:
+        raise ValueError(f"'{text[:60]}' stands for more than {MOST_NAMES} names")
+    pieces: list[Sequence[str]] = []
+    end = 0
+    for match, some in zip(found, numbers, strict=True):
+        pieces += [(text[end : match.start()],), _words(match[1], some)]
+        end = match.end()
+    return count, map("".join, itertools.product(*pieces, (text[end:],)))
 
 
-def _parts(match: re.Match[str]) -> list[str]:
+def _numbers(match: re.Match[str]) -> range:
+    """Return the numbers of a range; of letters, those that Unicode gives them."""
     first, last, step = match[1], match[2], int(match[3] or 1)
     if first.isdecimal() != last.isdecimal():
         raise ValueError(f"the range '{match[0]}' mixes digits and letters")
@@ -45,8 +60,12 @@ def _parts(match: re.Match[str]) -> list[str]:
         raise ValueError(f"the range '{match[0]}' needs as many digits at its end as at its start")
     if (high - low) // step > MOST_NAMES:
         raise ValueError(f"the range '{match[0]}' stands for more than {MOST_NAMES} names")
+    return range(low, high + 1, step)
+
+
+def _words(first: str, numbers: range) -> list[str]:
+    """Return numbers as a range writes them that begins with `first`."""
     width = len(first) if first.startswith("0") else 0
-    numbers = range(low, high + 1, step)
     return [str(number).zfill(width) if first.isdecimal() else chr(number) for number in numbers]
 
 

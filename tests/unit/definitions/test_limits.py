@@ -233,7 +233,41 @@ INVENTORIES = {
     "hosts in groups": (
         "h.ini",
         "[g500]\nr[0:9999]\n" + "".join(f"[g{i}:children]\ng{i + 1}\n" for i in range(500)),
-        "hosts are in more than 200000 groups",
+        "h.ini:904:1: error[SRP-110]: hosts are in more than 500000 groups",
+    ),
+    "a range in each group": (
+        "h.ini",
+        "".join(f"[g{i}]\nrobot[1:10000]\n" for i in ROWS),
+        "h.ini:102:1: error[SRP-110]: hosts are in more than 500000 groups",
+    ),
+    "a range in each group of YAML": (
+        "h.yml",
+        "all:\n  children:\n" + "".join(f"    g{i}: {{hosts: {{'robot[1:10000]': }}}}\n" for i in ROWS),
+        "h.yml:53:19: error[SRP-110]: hosts are in more than 500000 groups",
+    ),
+    "a range in each line": ("h.ini", "robot[1:10000]\n" * 60_000, "h.ini:51:1: error[SRP-110]: hosts are in"),
+    "another range in each line": (
+        "h.ini",
+        "".join(f"r{i}-[1:10000]\n" for i in range(50_000)),
+        "h.ini:2:1: error[SRP-110]: there are more than 10000 hosts",
+    ),
+    "a range too many in each line": ("h.ini", "a[1:9999]b[1:2]\n" * 60_000, "stands for more than 10000 names"),
+    "a name with a hundred ranges": ("h.ini", f"{'[1:1]' * 99}[1:9999]\n" * 1900, "there are more than 100 problems"),
+    "groups of the same groups": (
+        "h.ini",
+        "".join(f"[c{i}]\nc[1:1000]\n" for i in range(300))
+        + "".join(f"[p{i}:children]\n" + "".join(f"c{j}\n" for j in range(300)) for i in range(500)),
+        "hosts are in more than 500000 groups",
+    ),
+    "variables of a range": (
+        "h.ini",
+        "\nrobot[1:10000] " + " ".join(f"v{i}=1" for i in range(2500)),
+        "h.ini:2:1: error[SRP-110]: hosts have more than 500000 variables",
+    ),
+    "variables of a range in YAML": (
+        "h.yml",
+        "all:\n  hosts:\n    robot[1:10000]:\n" + "".join(f"      v{i}: 1\n" for i in range(2500)),
+        "h.yml:3:5: error[SRP-110]: hosts have more than 500000 variables",
     ),
     "two ways to each group": (
         "h.ini",
@@ -268,6 +302,18 @@ def test_an_inventory_is_read_or_refused(tmp_path: Path, case: str) -> None:
     name, text, says = INVENTORIES[case]
     told = problems(tmp_path / name, text)
     assert says in told and bool(told) == bool(says)
+
+
+def test_a_large_lab_is_far_from_the_limits(tmp_path: Path) -> None:
+    """Ten thousand robots in thirty groups, with thirty variables each, written in the shortest way there is."""
+    own = "ansible_port=2222 srprov_tags=arm " + " ".join(f"v{i}=1" for i in range(28))
+    groups = "".join(f"[g{i}]\nrobot[1:10000]\n" for i in range(29))
+    (tmp_path / "h.ini").write_text(f"robot[1:10000] {own}\n{groups}")
+    counted = bounded(
+        lambda: [(one.port, one.tags, len(one.groups)) for one in load_inventory([tmp_path / "h.ini"]).hosts.values()],
+        cpu_s=6,
+    )
+    assert counted == [(2222, ("arm",), 29)] * 10_000
 
 
 def test_every_group_counts_by_its_longest_way_from_all(tmp_path: Path) -> None:
