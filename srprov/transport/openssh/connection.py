@@ -36,6 +36,8 @@ _log = logging.getLogger("paramiko")
 _log.addHandler(logging.NullHandler())
 # Without this a lost robot prints paramiko's traceback on stderr: its threads log what we raise as an error in words.
 _log.propagate = False
+_MOST_HOPS = 8
+"""Of jump hosts of jump hosts: `ProxyJump gate-%h` for all hosts gives each another one."""
 
 
 class _Policy(paramiko.MissingHostKeyPolicy):
@@ -194,16 +196,12 @@ def jump_host(settings: SshSettings, deadline: Deadline, trail: tuple[str, ...] 
         TransportError: One of them cannot be reached; the message names it.
     """
     *before, last = settings.proxy_jump
-    if last in trail:
-        way = " > ".join((*trail, last))
-        raise ConnectError(
-            settings.name,
-            f"ProxyJump leads in a circle: {way}",
-            hint="correct ProxyJump in ssh_config",
-            code=Code.SSH_CONFIG,
-        )
+    if last in trail or len(trail) > _MOST_HOPS:
+        wrong = f"ProxyJump leads in a circle: {' > '.join((*trail, last))}"
+        raise ConnectError(settings.name, wrong, hint="correct ProxyJump in ssh_config", code=Code.SSH_CONFIG)
     user, address, port = parse_hop(last)
-    options = (*settings.inherited, *((("proxyjump", ",".join(before)),) if before else ()))
+    way = ",".join(before).replace("%", "%%")  # it is expanded already, and would be once more, for the jump host
+    options = (*settings.inherited, *((("proxyjump", way),) if way else ()))
     host = Host(name=address, address=address, port=port, user=user, ssh_options=options)
     hop = resolve(host, ssh_config=settings.ssh_config)
     connection = StrictConnection(hop, deadline, Traffic(), (*trail, last))

@@ -18,7 +18,7 @@ from srprov.definitions.model import Host
 from srprov.errors import ConnectError
 from srprov.secret import MASK
 from srprov.transport.openssh.settings import SshSettings
-from srprov.transport.openssh.ssh_config import ADDS_UP, DEFAULT_KEYS, check_parts, check_words, lookup, words
+from srprov.transport.openssh.ssh_config import ADDS_UP, DEFAULT_KEYS, Settled, check_parts, check_words, lookup, words
 
 _PORTS = 1 << 16
 _OF_JUMP_HOSTS_TOO = ("userknownhostsfile", "globalknownhostsfile", "stricthostkeychecking")
@@ -95,7 +95,7 @@ def _settings(
     host: Host, config: _Config, ssh_config: Path | None, inherited: tuple[tuple[str, str], ...]
 ) -> SshSettings:
     """Type the values and expand what is in them."""
-    hostname = config.one("hostname", host.address).replace("%h", host.address)
+    hostname = _hostname(host.address, config)
     user, port = config.one("user", getpass.getuser()), config.one("port", "22")
     _check_port(host.name, port)
     alias, proxy = config.one("hostkeyalias") or None, config.chosen("proxycommand")
@@ -122,12 +122,12 @@ def _settings(
         global_known_hosts=_paths(
             words(config.one("globalknownhostsfile", "/etc/ssh/ssh_known_hosts /etc/ssh/ssh_known_hosts2")), tokens
         ),
-        revoked_host_keys=expand(config.chosen("revokedhostkeys").strip('"'), tokens) or None,
+        revoked_host_keys=expand(_unquoted(config.chosen("revokedhostkeys")), tokens) or None,
         host_key_alias=alias,
         accept_new=checking == "accept-new",
         asked_for_no=checking in ("no", "off", "false"),
         hash_known_hosts=config.yes("hashknownhosts"),
-        proxy_jump=tuple(hop.strip() for hop in config.chosen("proxyjump").split(",") if hop.strip()),
+        proxy_jump=_hops(host.name, config.chosen("proxyjump"), tokens, names),
         proxy_command=expand(proxy, tokens, tilde=False) if proxy else None,
         address_family={"inet": socket.AF_INET, "inet6": socket.AF_INET6}.get(
             config.one("addressfamily"), socket.AF_UNSPEC
@@ -138,18 +138,37 @@ def _settings(
     )
 
 
+def _hostname(address: str, config: _Config) -> str:
+    """Return the name that is connected to; HostName knows two tokens, and an address none."""
+    return expand(config.one("hostname", Settled(address)), {"%h": address, "%%": "%"}, tilde=False)
+
+
 def _paths(values: Sequence[str], tokens: Mapping[str, str]) -> tuple[str, ...]:
     """Expand the names of files; `none` is none."""
     return tuple(expand(value, tokens) for value in values if value.lower() != "none")
+
+
+def _hops(name: str, text: str, tokens: Mapping[str, str], names: Sequence[str]) -> tuple[str, ...]:
+    """Return the jump hosts of a value of ProxyJump, which may be named by tokens."""
+    if "%" in text:
+        check_words(name, names)
+        if several := next((one for one in names if "," in one), ""):
+            hint = "ssh_config puts it into ProxyJump: correct ansible_host, ansible_user or ssh_config"
+            raise ConnectError(name, f"{several[:80]!r} is no part of a jump host", hint=hint, code=Code.SSH_CONFIG)
+    return tuple(expand(hop.strip(), tokens, tilde=False) for hop in text.split(",") if hop.strip())
+
+
+def _unquoted(text: str) -> str:
+    return type(text)(text.strip('"'))
 
 
 def _agent(text: str, tokens: Mapping[str, str]) -> str | None:
     """Return the agent's socket for a value of IdentityAgent."""
     if text.lower() == "none":
         return None
-    if text == "SSH_AUTH_SOCK" or text.startswith("$"):
+    if text == "SSH_AUTH_SOCK" or (text.startswith("$") and re.fullmatch(r"\$(\w+|\{\w+\})", text)):
         return os.environ.get("SSH_AUTH_SOCK" if text == "SSH_AUTH_SOCK" else text.strip("${}")) or None
-    return expand(text.strip('"'), tokens)
+    return expand(_unquoted(text), tokens)
 
 
 def _tokens(address: str, hostname: str, port: str, user: str, alias: str | None) -> dict[str, str]:
@@ -165,12 +184,14 @@ def _tokens(address: str, hostname: str, port: str, user: str, alias: str | None
 def expand(text: str, tokens: Mapping[str, str], *, tilde: bool = True) -> str:
     """Expand %-tokens, `${NAME}` of the environment (as ssh_config knows it) and a leading `~`.
 
-    In one pass: what a token stands for may be a stranger's word, such as a user in an inventory; it is taken
-    as it is.
+    In one pass, and never in a value that is settled: what a token stands for may be a stranger's word, such as a user
+    in an inventory; it is taken as it is, and so is the path of a home.
 
     Raises:
         ValueError: There is no such variable, or no such user: the name of a file would begin in the folder at hand.
     """
+    if isinstance(text, Settled):
+        return str(text)
 
     def value(found: re.Match[str]) -> str:
         if found[1] is None:
@@ -179,7 +200,8 @@ def expand(text: str, tokens: Mapping[str, str], *, tilde: bool = True) -> str:
             raise ValueError(f"the variable {found[1]} is not set")
         return os.environ[found[1]] if tilde else found[0]
 
-    home = os.path.expanduser(text) if tilde else text
-    if tilde and home.startswith("~"):
-        raise ValueError(f"there is no user {home.partition('/')[0][1:]}")
-    return re.sub(r"%.|\$\{(\w+)\}", value, home)
+    first, slash, rest = text.partition("/") if tilde and text.startswith("~") else ("", "", text)
+    home = os.path.expanduser(first)
+    if home.startswith("~"):
+        raise ValueError(f"there is no user {first[1:]}")
+    return (home.rstrip("/") if slash else home) + slash + re.sub(r"%.|\$\{(\w+)\}", value, rest)

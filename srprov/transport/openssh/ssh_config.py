@@ -2,6 +2,9 @@
 
 Takes a name, an address and what was given by other means; reads the files and may start `ssh -G`. paramiko's parser
 knows no Include and only part of Match: a configuration with one of them is resolved by OpenSSH itself.
+
+Values are as they stand in the files, for `resolve.expand`: paramiko would expand tokens without the port and the user
+that the inventory gives, and what a token stands for may look like another. What OpenSSH has expanded is `Settled`.
 """
 
 from __future__ import annotations
@@ -29,7 +32,15 @@ _WORD = re.compile(r"[\w.:@%+,=/][\w.:@%+,=/-]*")
 """What is one word to a shell, whatever lies in the folder at hand: no pattern of file names, too."""
 _IN_COMMANDS = ("user", "hostname", "hostkeyalias")
 """Keywords whose values stand for %r, %h and %k in commands."""
+_EXPANDED_BY_SOME = ("identityagent", "identityfile", "userknownhostsfile", "globalknownhostsfile", "revokedhostkeys")
+"""Keywords whose values `ssh -G` shows as they stand in the file, or expanded; versions differ in that."""
 _SSH_G_KEYS = frozenset({*DEFAULT_KEYS, "id_ecdsa_sk", "id_ed25519_sk", "id_xmss", "id_dsa"})
+
+
+class Settled(str):
+    """A value in which nothing is expanded any more: what looks like a token came in by one."""
+
+    __slots__ = ()
 
 
 def lookup(name: str, address: str, given: Mapping[str, Sequence[str]], chosen: Path | None) -> dict[str, list[str]]:
@@ -74,14 +85,19 @@ def _parse(name: str, text: str, address: str) -> dict[str, list[str]]:
     """Look an address up in a simple ssh_config."""
     import paramiko
 
+    class Raw(paramiko.SSHConfig):
+        TOKENS_BY_CONFIG_KEY: dict[str, list[str]] = {}  # noqa: RUF012 - as its stub has it
+
     try:
-        found = paramiko.SSHConfig.from_text(text).lookup(address)
+        found = Raw.from_text(text).lookup(address)
     except (paramiko.ConfigParseError, ValueError, KeyError) as error:
         raise ConnectError(
             name, f"ssh_config cannot be read: {error}", hint="see what `ssh -G` says of it", code=Code.SSH_CONFIG
         ) from None
     # lookup() makes up a HostName when there is none; an earlier file or option must not lose against it.
     values: dict[str, Any] = dict(found)
+    if "proxycommand" in values:
+        values["proxycommand"] = values["proxycommand"] or "none"  # that is None there; a later file must not win
     return {k: v if isinstance(v, list) else [v] for k, v in values.items() if v and (k, v) != ("hostname", address)}
 
 
@@ -92,41 +108,57 @@ def _ssh_g(name: str, address: str, given: Mapping[str, Sequence[str]], chosen: 
     check_parts(name, said)
     settings = [f"{key}={value}" for key, values in given.items() if key not in ADDS_UP for value in values]
     _check_lines(name, settings)
-    command = ["ssh", "-G", *(["-F", os.path.abspath(chosen)] if chosen else []), *(f"-o{one}" for one in settings)]
+    arguments = [*(["-F", os.path.abspath(chosen)] if chosen else []), *(f"-o{one}" for one in settings), "--", address]
     try:
-        done = subprocess.run(
-            [*command, "--", address],
-            capture_output=True, text=True, timeout=10, stdin=subprocess.DEVNULL, check=False,
-            cwd="/",  # `Match exec` runs there: the folder at hand may be a stranger's
-        )  # fmt: skip
+        found = _answer(arguments)
+        doubtful = [value for key in _EXPANDED_BY_SOME for value in found.get(key, ())]
+        expanded = {"hostname", *(_expanded() if set("%$") & set("".join(doubtful)) else ())}
     except FileNotFoundError:
         hint = "install openssh-client, or write the configuration without Include and Match"
         raise ConnectError(
             name, "ssh_config uses Include or Match, and `ssh` is not installed", hint=hint, code=Code.SSH_CONFIG
         ) from None
     except subprocess.TimeoutExpired:
-        raise ConnectError(
-            name,
-            "its ssh configuration was not read within 10 s, by `ssh -G`",
-            hint="is a `Match exec` waiting?",
-            code=Code.SSH_CONFIG,
-        ) from None
-    if done.returncode:
-        raise ConnectError(
-            name,
-            f"its ssh configuration cannot be used: {done.stderr.strip()} (of `ssh -G {address}`)",
-            hint="correct ~/.ssh/config",
-            code=Code.SSH_CONFIG,
-        ) from None
-    found: dict[str, list[str]] = {}
-    for line in filter(None, done.stdout.split("\n")):  # other ends of lines are parts of values
-        key, _, value = line.partition(" ")
-        found.setdefault(key, []).append(value)
+        wrong, hint = "its ssh configuration was not read within 10 s, by `ssh -G`", "is a `Match exec` waiting?"
+        raise ConnectError(name, wrong, hint=hint, code=Code.SSH_CONFIG) from None
+    except ValueError as error:
+        wrong = f"its ssh configuration cannot be used: {error} (of `ssh -G {address}`)"
+        raise ConnectError(name, wrong, hint="correct ~/.ssh/config", code=Code.SSH_CONFIG) from None
     # It lists its defaults like settings; a default is not a key that somebody configured.
     keys = found.get("identityfile", [])
     if all(os.path.dirname(k) == "~/.ssh" and os.path.basename(k) in _SSH_G_KEYS for k in keys):
         found.pop("identityfile", None)
-    return {key: values for key, values in found.items() if key in ADDS_UP or key not in given}
+    found = {key: values for key, values in found.items() if key in ADDS_UP or key not in given}
+    return {key: [Settled(one) for one in some] if key in expanded else some for key, some in found.items()}
+
+
+def _answer(arguments: Sequence[str]) -> dict[str, list[str]]:
+    """Return what `ssh -G` says.
+
+    Raises:
+        OSError: It cannot be started.
+        subprocess.TimeoutExpired: It took more than 10 s.
+        ValueError: It failed; with its words.
+    """
+    done = subprocess.run(
+        ["ssh", "-G", *arguments],
+        capture_output=True, text=True, timeout=10, stdin=subprocess.DEVNULL, check=False,
+        cwd="/",  # `Match exec` runs there: the folder at hand may be a stranger's
+    )  # fmt: skip
+    if done.returncode:
+        raise ValueError(done.stderr.strip())
+    found: dict[str, list[str]] = {}
+    for line in filter(None, done.stdout.split("\n")):  # other ends of lines are parts of values
+        key, _, value = line.partition(" ")
+        found.setdefault(key, []).append(value)
+    return found
+
+
+@functools.lru_cache(maxsize=1)
+def _expanded() -> frozenset[str]:
+    """Return the keywords whose values this machine's `ssh -G` shows expanded; it is asked once, as `_answer`."""
+    found = _answer(["-F", "/dev/null", "-oIgnoreUnknown=*", *(f"-o{key}=%%" for key in _EXPANDED_BY_SOME), "--", "x"])
+    return frozenset(key for key in _EXPANDED_BY_SOME if found.get(key) == ["%"])
 
 
 def _check_lines(name: str, settings: Iterable[str]) -> None:
@@ -166,8 +198,9 @@ def check_parts(name: str, words: Iterable[str]) -> None:
 
 
 def words(text: str) -> list[str]:
-    """Split a value of several words, some perhaps in quotes."""
+    """Split a value of several words, some perhaps in quotes; of a settled one, each is settled."""
     try:
-        return shlex.split(text)
+        found = shlex.split(text)
     except ValueError:
-        return text.split()
+        found = text.split()
+    return [type(text)(word) for word in found]

@@ -2,16 +2,20 @@ from __future__ import annotations
 
 import getpass
 import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
 
 from srprov.definitions.model import Host
 from srprov.errors import ConnectError
-from srprov.transport.openssh.connection import parse_hop
+from srprov.transport.deadline import Deadline
+from srprov.transport.openssh import ssh_config
+from srprov.transport.openssh.connection import StrictConnection, jump_host, parse_hop
 from srprov.transport.openssh.resolve import expand, resolve
 from srprov.transport.openssh.settings import SshSettings
 from srprov.transport.openssh.sockets import ProxyProcess
+from srprov.transport.openssh.ssh_config import Settled
 
 
 def resolved(tmp_path: Path, text: str = "", **host: object) -> SshSettings:
@@ -149,8 +153,6 @@ def test_a_file_is_named_by_what_there_is(tmp_path: Path, key: str, file: str) -
     """A folder of a stranger's may be called `${NOWHERE}` or `~nobody-here`, and say there which keys robots have."""
     with pytest.raises(ConnectError, match=r"NOWHERE is not set|there is no user nobody-here"):
         resolved(tmp_path, ssh_options=((key.lower(), file),))
-    if key == "IdentityFile" and file.startswith("~"):
-        return  # paramiko's reader takes a `~` for the user's own home
     with pytest.raises(ConnectError, match=r"NOWHERE is not set|there is no user nobody-here"):
         resolved(tmp_path, f"Host *\n  {key} {file}\n")
 
@@ -163,6 +165,125 @@ def test_expand(monkeypatch: pytest.MonkeyPatch) -> None:
     # a user that a stranger's inventory names is a word, and nothing of the environment
     assert expand("known/%r@%h", {"%r": "${PLACE}", "%h": "%r"}) == "known/${PLACE}@%r"
     assert expand("cat ~/%h", tokens, tilde=False) == "cat ~/host"
+    monkeypatch.setenv("HOME", "/home/%h/${PLACE}")
+    assert expand("~/%h", tokens) == "/home/%h/${PLACE}/host"
+    monkeypatch.setenv("HOME", "/")
+    assert (expand("~/%h", tokens), expand("~", tokens)) == ("/host", "/")
+    assert expand(Settled("~/%h/${PLACE}"), tokens) == "~/%h/${PLACE}"
+
+
+ALL = """
+ProxyCommand exit 1; nc %h %p # %r %n %k %%h
+IdentityFile /k/%h/%n/%p/%%r/${PLACE}/%r
+UserKnownHostsFile /u/%h/%%h/${PLACE} /u/%n/%k
+IdentityAgent /a/%h/%r/${PLACE}
+"""
+SAME_AS_SSH = {
+    "port and user of the inventory": ("", "robot.lab", {}),
+    "another name": ("HostName 10.0.0.9\n", "robot.lab", {}),
+    "a name made of the name": ("HostName x%%h.%h\n", "robot.lab", {}),
+    "an option's name": ("HostName no\n", "robot.lab", {"ssh_options": (("hostname", "x%%h.%h"),)}),
+    "an alias": ("HostKeyAlias al%h\nHostName %h.lan\n", "robot.lab", {}),
+    "tokens in the address": ("", "x.%u.%L.evil.example", {}),
+    "tokens in the address and the user": ("", "a%%h", {"user": "b%d"}),
+    "tokens in an address within a name": ("HostName %h.lan\n", "a.%h.%n", {"user": "%h"}),
+    "the interface of an address": ("", "fe80::1%lo", {}),
+    "port and user of ssh_config": ("Port 2200\nUser con%rf\n", "robot.lab", {"user": None, "port": None}),
+}
+
+
+@pytest.mark.skipif(not shutil.which("ssh"), reason="needs openssh-client")
+@pytest.mark.parametrize("more", ["", "Match all\n"], ids=["read here", "read by ssh"])
+@pytest.mark.parametrize("case", SAME_AS_SSH)
+def test_what_is_expanded_is_what_ssh_expands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, case: str, more: str
+) -> None:
+    """Once, with the inventory's port and user: a name may look like a token, and would go to a stranger's DNS."""
+    monkeypatch.setenv("PLACE", "there")
+    text, address, given = SAME_AS_SSH[case]
+    host = {"address": address, "user": "bob", "port": 2222, **given}
+    found = resolved(tmp_path, f"Host *\n{text}{ALL}{more}", **host)
+    file = str(tmp_path / "ssh_config")
+    user, port = ([f"-o{key}={host[key]}"] if host[key] else [] for key in ("user", "port"))
+    others = [f"-o{key}={value}" for key, value in given.get("ssh_options", ())]
+    command = ["-F", file, *user, *port, *others, "--", address]
+    said = subprocess.run(
+        ["ssh", "-v", "-oBatchMode=yes", *command], capture_output=True, text=True, check=False
+    ).stderr
+    settings = subprocess.run(["ssh", "-G", *command], capture_output=True, text=True, check=True).stdout
+    values = dict(line.split(" ", maxsplit=1) for line in settings.splitlines() if " " in line)
+    assert f"Executing proxy command: exec {found.proxy_command}\n" in said
+    assert f"identity file {found.identity_files[0]} type" in said
+    assert found.hostname == values["hostname"] and found.user == values["user"] and str(found.port) == values["port"]
+    assert " ".join(found.known_hosts) == values["userknownhostsfile"]
+    assert found.identity_agent == values["identityagent"]
+
+
+@pytest.mark.parametrize("more", ["", "Match all\n"], ids=["read here", "read by ssh"])
+def test_what_a_variable_is_called_in_a_host_s_name_is_no_variable(tmp_path: Path, more: str) -> None:
+    text = f"Host *\n  IdentityFile {tmp_path}/%h\n  UserKnownHostsFile {tmp_path}/%h\n{more}"
+    if more:
+        with pytest.raises(ConnectError, match="is no host or user name for a command"):
+            resolved(tmp_path, text, address="h${HOME}")
+        return
+    found = resolved(tmp_path, text, address="h${HOME}")
+    assert found.identity_files == found.known_hosts == (f"{tmp_path}/h${{HOME}}",)
+
+
+@pytest.mark.parametrize("expands", [True, False])
+def test_what_this_ssh_expands_is_asked_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, expands: bool
+) -> None:
+    """Newer versions show more values expanded."""
+    shown, key = ("%", "/k/x.%u") if expands else ("%%", "/k/%h")
+    fake = tmp_path / "bin" / "ssh"
+    fake.parent.mkdir()
+    fake.write_text(
+        f'#!/bin/sh\ncase "$*" in *IgnoreUnknown*) echo "revokedhostkeys {shown}";;\n'
+        f'*) echo "hostname x.%u"; echo "revokedhostkeys {key}";; esac\n'
+    )
+    fake.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{fake.parent}:/usr/bin:/bin")
+    ssh_config._expanded.cache_clear()
+    try:
+        assert resolved(tmp_path, "Match all\n", address="x.%u").revoked_host_keys == "/k/x.%u"
+    finally:
+        ssh_config._expanded.cache_clear()
+
+
+@pytest.mark.parametrize("more", ["", "Match all\n"], ids=["read here", "read by ssh"])
+def test_a_jump_host_is_named_by_tokens_once(tmp_path: Path, more: str) -> None:
+    text = f"Host robot*\n  ProxyJump %r@%h.gate:22,%n-%p\n{more}"
+    found = resolved(tmp_path, text, address="robot.%u", user="b%d", port=2222)
+    assert found.proxy_jump == ("b%d@robot.%u.gate:22", "robot.%u-2222")
+    with pytest.raises(ConnectError, match=r"is no part of a jump host|hostname contains invalid characters"):
+        resolved(tmp_path, text, address="robot,evil.example")
+
+
+def test_a_jump_host_s_own_way_is_not_expanded_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ways: list[tuple[str, ...]] = []
+
+    def opened(connection: StrictConnection) -> None:
+        ways.append((connection.settings.hostname, *connection.settings.proxy_jump))
+
+    monkeypatch.setattr(StrictConnection, "open", opened)
+    text = "Host robot*\n  ProxyJump %n-a,%n-b,end\n"
+    jump_host(resolved(tmp_path, text, address="robot.%u"), Deadline(5))
+    assert ways == [("end", "robot.%u-a", "robot.%u-b")]
+
+
+@pytest.mark.parametrize("jump", ["gate-%h", "bot"])
+def test_jump_hosts_without_end_are_told(tmp_path: Path, jump: str) -> None:
+    settings = resolved(tmp_path, f"Host *\n  ProxyJump {jump}\n")
+    with pytest.raises(ConnectError, match="ProxyJump leads in a circle: "):
+        jump_host(settings, Deadline(5))
+
+
+def test_no_command_of_the_user_s_is_none_for_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two files the first one wins, also where it says that there is no command."""
+    texts = {tmp_path / "own": "Host bot\n  ProxyCommand none\n", tmp_path / "etc": "Host *\n  ProxyCommand nc %h %p\n"}
+    monkeypatch.setattr(ssh_config, "config_texts", lambda _chosen: texts)
+    assert resolved(tmp_path).proxy_command is None
 
 
 @pytest.mark.parametrize(
