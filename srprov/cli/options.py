@@ -125,7 +125,7 @@ _REASSIGN = click.option("--reassign", is_flag=True, help="Let running services 
 _ADOPT = click.option(
     "--adopt",
     is_flag=True,
-    help="Take over what another file made, or only robots know; believe a plan file of others that makes an instance.",
+    help="Take over what another file made, or only robots know; a new plan file of others.",
 )
 _DATA = click.option(
     "--data", type=click.Choice(["move", "leave"]), default=None,

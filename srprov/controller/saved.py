@@ -27,7 +27,7 @@ from srprov.controller.plan_proof import check_claim, proved, provers
 from srprov.controller.robots_notes import notes_of_robots
 from srprov.controller.staleness import refuse_stale, refuse_unnoted
 from srprov.controller.writers import check_writers
-from srprov.definitions.model import BUILDERS, NetworkSettings
+from srprov.definitions.model import BUILDERS, Inventory, NetworkSettings
 from srprov.errors import UsageError
 from srprov.facts.gather import Detail, Gathering
 from srprov.facts.model import Snapshot
@@ -136,20 +136,27 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
         believed = looking(snapshot, saved.plan.instance).snapshot
         check_source(believed, saved.plan.instance, saved.plan.source, adopt=adopt)
         if not owners:
-            builders, tags = fleet.inventory.groups.get(BUILDERS, ()), {want.name for want in wants}
-            ours = counted(known_images(), tags, builders, snapshot, proofs_of(look, snapshot))
-            check_copies(saved, ours, snapshot.facts)
-            refuse_files(wants)
-            refuse_labels(wants, trusted=adopt or signed)
-            check_underlay(saved, {robot: facts.underlay_address for robot, facts in snapshot.facts.items()})
-            if not signed:
-                check_builders([step.want for step in saved.plan.steps if step.want], fleet.inventory, snapshot)
-                check_claim(saved, snapshot, adopt=adopt)
+            _check_elsewhere(saved, fleet.inventory, snapshot, look, adopt=adopt, signed=signed)
         _check_networks(wants, saved.plan.instance, believed)
         derived = _derived(saved, wants, snapshot, look, ours=bool(owners))
         check_writers(derived.steps, [(want.host, one) for want, one in services_of(saved)], look)
         plan = _as_found(saved, derived, snapshot, look, ours=bool(owners))
     return Planned(plan=plan, saved=saved, makers=makers_of(snapshot, plan.instance, plan.source))
+
+
+def _check_elsewhere(
+    saved: PlanFile, inventory: Inventory, snapshot: Snapshot, look: Gathering, *, adopt: bool, signed: bool
+) -> None:  # fmt: skip
+    """Refuse what only a file that was not written here says."""
+    wants, builders = wants_of(saved), inventory.groups.get(BUILDERS, ())
+    ours = counted(known_images(), {want.name for want in wants}, builders, snapshot, proofs_of(look, snapshot))
+    check_copies(saved, ours, snapshot.facts)
+    refuse_files(wants)
+    refuse_labels(wants, trusted=adopt or signed)
+    check_underlay(saved, {robot: facts.underlay_address for robot, facts in snapshot.facts.items()})
+    if not signed:
+        check_builders([step.want for step in saved.plan.steps if step.want], inventory, snapshot)
+        check_claim(saved, snapshot, adopt=adopt)
 
 
 def _as_found(
