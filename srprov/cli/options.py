@@ -123,9 +123,7 @@ _HISTORY = click.option(
 )  # fmt: skip
 _REASSIGN = click.option("--reassign", is_flag=True, help="Let running services move when that is cheaper.")
 _ADOPT = click.option(
-    "--adopt",
-    is_flag=True,
-    help="Take over what another file made, or only robots know; a new plan file of others.",
+    "--adopt", is_flag=True, help="Take over what another file made, or only robots know; believe a new plan file."
 )
 _DATA = click.option(
     "--data", type=click.Choice(["move", "leave"]), default=None,
