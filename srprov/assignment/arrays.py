@@ -15,6 +15,7 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
+from srprov.assignment.apart import at_once, check_size, maximal
 from srprov.assignment.bundles import Item, items
 from srprov.assignment.cost import terms
 from srprov.assignment.model import SCALE, Problem, ServiceGroup
@@ -79,14 +80,20 @@ def arrays(problem: Problem) -> Arrays:
     """Lay out a problem.
 
     Raises:
-        UsageError: Too many ways to combine pools with same_robot.
+        UsageError: Too many ways to combine pools with same_robot, or too much to keep apart.
     """
     node_of = {service: index for index, node in enumerate(problem.nodes) for service in node}
     groups = [tuple(sorted({node_of[name] for name in group if name in node_of})) for group in problem.kept_apart]
-    anti_affinity = tuple(group for group in groups if len(group) > 1)
+    anti_affinity = tuple(maximal(group for group in groups if len(group) > 1))
     found = tuple(items(problem.nodes, problem.pools, problem.alphas, anti_affinity))
     names = tuple(tuple(sorted(name for node in item.nodes for name in problem.nodes[node])) for item in found)
-    places = tuple((robot, slot) for robot in problem.slots for slot in range(problem.slots[robot]))
+    # a slot costs at least what those before it on its robot cost, and no robot can use more than so many
+    most = at_once(len(problem.nodes), anti_affinity)
+    places = tuple((robot, slot) for robot in problem.slots for slot in range(min(most, problem.slots[robot])))
+    crowded = sum(slot == 1 for _, slot in places)
+    anti_affinity = anti_affinity if crowded else ()
+    if anti_affinity or len(found) > len(problem.nodes):
+        check_size(anti_affinity, crowded, len(found), len(places))
     at = {robot: index for index, robot in enumerate(problem.loads)}
     robots = np.array([at[robot] for robot, _ in places], dtype=np.int64)
     unit = np.array([terms(1.0, problem.loads[robot][slot], problem.weights).total for robot, slot in places])

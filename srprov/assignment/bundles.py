@@ -51,10 +51,13 @@ def items(
     """
     node_of = {service: index for index, node in enumerate(nodes) for service in node}
     usable = [pool for pool in pools if len(pool.services) > 1 and node_of.keys() >= set(pool.services)]
+    groups_of: dict[int, int] = {}  # node -> a bit for each group that has it
+    for bit, group in enumerate(anti_affinity if usable else ()):
+        groups_of.update((node, groups_of.get(node, 0) | 1 << bit) for node in group)
     best: dict[tuple[int, ...], tuple[float, tuple[Pool, ...]]] = {(index,): (0.0, ()) for index in range(len(nodes))}
     for chosen in _together(usable, node_of):
         union = tuple(sorted({node_of[service] for pool in chosen for service in pool.services}))
-        if any(len(set(union) & set(group)) > 1 for group in anti_affinity):
+        if _apart(union, groups_of):
             continue
         saved = sum(saving(pool, alphas) for pool in chosen)
         if union not in best or saved > best[union][0]:
@@ -64,6 +67,16 @@ def items(
         alpha = sum(alphas[service] for index in union for service in nodes[index])
         found.append(Item(nodes=union, alpha=max(0.0, alpha - saved), pools=chosen))
     return found
+
+
+def _apart(union: Sequence[int], groups_of: Mapping[int, int]) -> bool:
+    """Return whether two of some nodes are in one group."""
+    seen = 0
+    for node in union:
+        if seen & groups_of.get(node, 0):
+            return True
+        seen |= groups_of.get(node, 0)
+    return False
 
 
 def saving(pool: Pool, alphas: Mapping[str, float]) -> float:

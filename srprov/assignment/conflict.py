@@ -26,8 +26,8 @@ from srprov.assignment.table import Array, ProblemTable, Selection
 
 _LEAST_S = 0.05
 """With less left, or when that is left at the end, a search was not long enough to prove anything."""
-
-
+_PAIRS_A_SECOND = 2_000_000
+"""Of what is placed and where it can be: what a flow takes."""
 _until: ContextVar[float | None] = ContextVar("until", default=None)
 
 
@@ -45,6 +45,17 @@ def time_limit(seconds: float) -> Iterator[None]:
         _until.reset(token)
 
 
+def check_time() -> None:
+    """Return while there is time.
+
+    Raises:
+        OutOfTimeError: A `time_limit` around this was reached.
+    """
+    until = _until.get()
+    if until is not None and time.monotonic() > until:
+        raise OutOfTimeError
+
+
 def _solved(table: ProblemTable) -> Selection | None:
     """Return a cover, or None when there is none.
 
@@ -54,7 +65,8 @@ def _solved(table: ProblemTable) -> Selection | None:
     until = _until.get()
     if until is None:
         return solve_table(table)
-    if (left := until - time.monotonic()) > _LEAST_S:
+    # the flow that a search begins with cannot be stopped
+    if (left := until - time.monotonic()) > _LEAST_S + table.cost.size / _PAIRS_A_SECOND:
         found = solve_table(table, left)
         if found is not None or until - time.monotonic() > _LEAST_S:
             return found

@@ -12,6 +12,7 @@ from contextlib import suppress
 from msgspec.structs import replace
 
 from srprov.assignment import remedies
+from srprov.assignment.apart import maximal
 from srprov.assignment.conflict import OutOfTimeError, cut, feasible, places_needed, smallest_conflict, time_limit
 from srprov.assignment.model import Assignment, Problem, ServiceGroup
 from srprov.assignment.remedies import listed, quoted
@@ -118,8 +119,13 @@ def _apart_too(problem: Problem) -> str:
 
 def _groups(problem: Problem) -> list[list[str]]:
     """Return the parts of groups in `different_robot` that are to be decided."""
-    names = {name for node in problem.nodes for name in node}
-    return [both for group in problem.anti_affinity if len(both := sorted(names & set(group))) > 1]
+    names = sorted(name for node in problem.nodes for name in node)
+    at = {name: index for index, name in enumerate(names)}
+    # of two ports that the same services have, one is told
+    ports = maximal(tuple(sorted(at[name] for name in group if name in at)) for group in problem.ports)
+    told = [[names[index] for index in group] for group in ports]
+    others = (sorted(at.keys() & set(group)) for group in problem.anti_affinity if group not in problem.ports)
+    return [both for both in (*others, *told) if len(both) > 1]
 
 
 def _apart(problem: Problem, group: Sequence[str]) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
+from srprov.assignment.apart import maximal
 from srprov.assignment.requirements import UnmetRequirement
 from srprov.definitions.containermodel import EVERYWHERE, Port, ports_meet
 from srprov.definitions.model import Service
@@ -28,20 +29,58 @@ def declared(service: Service) -> tuple[Port, ...]:
 
 
 def exclusive(services: Mapping[str, Service]) -> dict[tuple[str, ...], str]:
-    """Return the groups of services of which a robot can run one at most -> the port that each of them has."""
-    users: dict[tuple[int, str], dict[str, set[str]]] = {}
-    for name, service in services.items():
-        for address, port, _, protocol in declared(service):
-            of_port = users.setdefault((port, protocol), {})
-            of_port.setdefault("" if address in EVERYWHERE else address, set()).add(name)
-    groups: dict[tuple[str, ...], str] = {}
-    for (port, protocol), by_address in sorted(users.items()):
-        everywhere = by_address.pop("", set())
+    """Return the groups of services of which a robot can run one at most -> a port that each of them has.
+
+    A group whose services are all in another one is left out: it forbids nothing that the other does not.
+
+    Raises:
+        UsageError: There are more than can be searched with.
+    """
+    names = sorted(services)
+    told: dict[int, str] = {}
+    for (port, protocol), by_address in sorted(_users(services, names).items()):
+        everywhere = by_address.pop("", 0)
         # many addresses may be the same services'
-        for some in dict.fromkeys(map(frozenset, by_address.values())) if by_address else [frozenset[str]()]:
-            if len(group := tuple(sorted(some | everywhere))) > 1:
-                groups.setdefault(group, f"{port}/{protocol}")
-    return groups
+        for some in dict.fromkeys(by_address.values()) if by_address else (0,):
+            if (some | everywhere).bit_count() > 1:
+                told.setdefault(some | everywhere, f"{port}/{protocol}")
+    groups = {tuple(_members(bits)): port for bits, port in told.items()}
+    return {tuple(names[index] for index in group): groups[group] for group in maximal(groups)}
+
+
+def shared(services: Iterable[Service]) -> list[str]:
+    """Return the ports that two or more of some services have in common, such as `8080/tcp`."""
+    by_name = {one.name: one for one in services}
+    found = []
+    for (port, protocol), by_address in sorted(_users(by_name, sorted(by_name)).items()):
+        everywhere = by_address.pop("", 0)
+        if any((some | everywhere).bit_count() > 1 for some in (*by_address.values(), 0)):
+            found.append(f"{port}/{protocol}")
+    return found
+
+
+def _users(services: Mapping[str, Service], names: Sequence[str]) -> dict[tuple[int, str], dict[str, int]]:
+    """Return port and protocol -> address, or nothing for all -> who has it there: a bit for each of the names."""
+    alike: dict[tuple[int, str], tuple[Service, int]] = {}  # replicas have one runtime
+    for bit, name in enumerate(names):
+        one = services[name]
+        key = id(one.runtime), one.network
+        alike[key] = one, alike.get(key, (one, 0))[1] | 1 << bit
+    users: dict[tuple[int, str], dict[str, int]] = {}
+    for one, bits in alike.values():
+        for address, port, _, protocol in declared(one):
+            of_port = users.setdefault((port, protocol), {})
+            where = "" if address in EVERYWHERE else address
+            of_port[where] = of_port.get(where, 0) | bits
+    return users
+
+
+def _members(bits: int) -> Iterator[int]:
+    """Return the positions of the bits that are set, rising."""
+    while bits:
+        low = bits & -bits
+        yield low.bit_length() - 1
+        bits ^= low
 
 
 def holders(

@@ -41,7 +41,7 @@ def build(
     the ports that others have. `reassign` lets services move; `reassign_unreachable` those out of reach.
 
     Raises:
-        UsageError: A kernel bound that cannot be read, or relations that contradict each other.
+        UsageError: A kernel bound that cannot be read, relations that contradict each other, or too many of them.
     """
     services = {name: experiment.services[name] for name in sorted(experiment.services)}
     platforms = {name: containers[one.cdf].platforms for name, one in services.items() if one.cdf}
@@ -81,7 +81,8 @@ def _with_ports(
 ) -> Problem:  # fmt: skip
     """Return the problem with the robots' ports as something that only one service of a robot can have."""
     held = ports.holders(problem.services, {**problem.fixed, **problem.frozen}, taken)
-    shared = ports.exclusive(problem.services)
+    # what is fixed has its ports by `held`
+    shared = ports.exclusive({name: one for name, one in problem.services.items() if name not in problem.fixed})
     for names, one, other in _together(groups, shared):
         message = f"'{one}' and '{other}' must share a robot, and both publish {shared[names]}"
         hint = "give one of them another port, or take it out of same_robot"

@@ -5,12 +5,14 @@ Takes a Problem that holds nothing but the services of one conflict; gives hints
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 
 from msgspec.structs import replace
 
-from srprov.assignment.conflict import OutOfTimeError, feasible
+from srprov.assignment import ports
+from srprov.assignment.conflict import OutOfTimeError, check_time, feasible
 from srprov.assignment.model import Problem, ServiceGroup
 from srprov.assignment.requirements import UnmetRequirement
 from srprov.definitions.model import Pool
@@ -139,12 +141,18 @@ def _able(problem: Problem, node: ServiceGroup, robot: str) -> Problem:
 def _relations(problem: Problem) -> Iterator[str]:
     """Name groups that stand in the way."""
     names = {name for node in problem.nodes for name in node}
-    for group in problem.anti_affinity:
+    parts_of = {group: tuple(sorted(names & set(group))) for group in problem.anti_affinity}
+    times = Counter(parts_of.values())
+    for group, part in parts_of.items():
+        check_time()
+        if len(part) < 2 or times[part] > 1:  # where two say the same, neither is what is in the way
+            continue
         rest = tuple(other for other in problem.anti_affinity if other != group)
-        if len(names & set(group)) > 1 and feasible(replace(problem, anti_affinity=rest)):
-            named = quoted(in_edf(problem, sorted(names & set(group))))
-            if port := problem.ports.get(group):
-                yield f"publish {port} of {named} once at most"
+        if feasible(replace(problem, anti_affinity=rest)):
+            named = quoted(in_edf(problem, part))
+            if group in problem.ports:
+                common = ports.shared(problem.services[name] for name in part)
+                yield f"publish {listed(common)} of {named} once at most"
             else:
                 yield f"take {named} out of relations.different_robot"
     for node in problem.nodes:

@@ -20,10 +20,19 @@ class ConstraintRows:
         crowded = {int(robot): index for index, robot in enumerate(shared[counts > 1])}
         self._robot: Array = np.array([crowded.get(int(robot), -1) for robot in table.robots], dtype=np.int64)
         self._width = len(crowded)
-        groups = [set(group) for group in table.anti_affinity] if crowded else []
-        self._inside: list[Array] = [
-            np.array([not group.isdisjoint(item) for item in table.items], dtype=bool) for group in groups
-        ]
+        groups = table.anti_affinity if crowded else ()
+        of_node: dict[int, list[int]] = {}
+        for index, group in enumerate(groups):
+            for node in group:
+                of_node.setdefault(node, []).append(index)
+        # no item holds two nodes of a group
+        of_item = [[index for node in item for index in of_node.get(node, ())] for item in table.items]
+        self._groups = Members(of_item, len(groups))
+        inside: list[list[int]] = [[] for _ in groups]
+        for item, some in enumerate(of_item):
+            for index in some:
+                inside[index].append(item)
+        self._inside: list[Array] = [np.array(items, dtype=np.int64) for items in inside]
         self.anti_affinity = len(groups) * self._width
         free = np.full(self.places + self.anti_affinity, -np.inf)
         self.low: Array = np.concatenate([np.ones(self.nodes), free])
@@ -51,11 +60,10 @@ class ConstraintRows:
         row, column = members.rows(item)
         somewhere = np.nonzero(place < self.places)[0]
         rows, columns = [row, self.nodes + place[somewhere]], [column, somewhere]
-        for index, inside in enumerate(self._inside):
-            robot = self._robot[place[somewhere]]
-            touched = inside[item[somewhere]] & (robot >= 0)
-            rows.append(self.nodes + self.places + index * self._width + robot[touched])
-            columns.append(somewhere[touched])
+        crowded = somewhere[self._robot[place[somewhere]] >= 0]
+        group, position = self._groups.rows(item[crowded])
+        rows.append(self.nodes + self.places + group * self._width + self._robot[place[crowded]][position])
+        columns.append(crowded[position])
         for index, inside in enumerate(self._cuts):
             touched = np.nonzero(inside[item])[0]
             rows.append(np.full(len(touched), self.nodes + self.places + self.anti_affinity + index))
@@ -84,11 +92,10 @@ class ConstraintRows:
     def kept(self, item: Array, place: Array) -> bool:
         """Return whether a choice keeps `anti_affinity`."""
         robot: Array = np.append(self._robot, -1)[place]
-        for inside in self._inside:
-            used = robot[inside[item] & (robot >= 0)]
-            if len(np.unique(used)) < len(used):
-                return False
-        return True
+        crowded = robot >= 0
+        group, position = self._groups.rows(item[crowded])
+        used = group * self._width + robot[crowded][position]
+        return len(np.unique(used)) == len(used)
 
 
 def disjoint(order: list[int], table: ProblemTable) -> list[int]:

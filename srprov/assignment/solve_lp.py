@@ -83,13 +83,15 @@ class Growing:
                 code=Code.BUG,
             )
 
-    def solve(self) -> tuple[float, Array, Array]:
-        """Return the least cost, float [columns] the choice and float [R] the dual values."""
-        from ortools.math_opt import callback_pb2, model_parameters_pb2, parameters_pb2
+    def solve(self, seconds: float | None = None) -> tuple[float, Array, Array] | None:
+        """Return the least cost, float [columns] the choice and float [R] the dual values; None: out of time."""
+        from ortools.math_opt import callback_pb2, model_parameters_pb2, parameters_pb2, result_pb2
 
         parameters = parameters_pb2.SolveParametersProto()
         # what is off by rounding only makes the bound weaker, which is computed apart from this
         parameters.glop.change_status_to_imprecise = False
+        if seconds is not None:
+            parameters.time_limit.FromNanoseconds(int(seconds * 1e9))
         result = self._solver.solve(
             parameters,
             model_parameters_pb2.ModelSolveParametersProto(),
@@ -98,6 +100,8 @@ class Growing:
             None,
             None,
         )
+        if seconds is not None and result.termination.reason != result_pb2.TERMINATION_REASON_OPTIMAL:
+            return None  # what there is by then need not be feasible
         if not result.solutions or not result.solutions[0].HasField("dual_solution"):
             raise SrprovError(
                 f"the placement could not be computed: GLOP gave up ({result.termination.detail})",

@@ -76,7 +76,7 @@ class _Search(PricedPairs):
         """Find first prices and a first choice; put the pairs that look good under them into the relaxation."""
         nodes, width = self.table.nodes, self.cost.shape[1]
         found, u, v = self.flow(np.arange(nodes))
-        bundles = self.gainful(u, v)
+        bundles = [] if self._late() else self.gainful(u, v)
         if bundles:
             taken = {node for bundle in bundles for node in self.table.items[bundle]}
             chosen = np.array([node for node in range(nodes) if node not in taken] + bundles, dtype=np.int64)
@@ -97,13 +97,19 @@ class _Search(PricedPairs):
         away, most = _AWAY, self.nowhere / scale
         program, fresh = Growing(self.rows.low), self._first
         keys: Array = np.empty(0, dtype=np.int64)
+        chosen: Array = np.empty(0)
         while True:
             item, place = np.divmod(fresh, self.cost.shape[1])
             price = np.where(place < self.rows.places, self.cost.ravel()[fresh] / scale, min(away, most))
-            program.add(*self.rows.matrix(self.members, item, place), price)
+            matrix = self.rows.matrix(self.members, item, place)
+            if self._late():
+                break
+            program.add(*matrix, price)
+            if (solved := program.solve(self._left())) is None:
+                break
+            least, chosen, dual = solved
             self.have[fresh] = True
             keys = np.concatenate([keys, fresh])
-            least, chosen, dual = program.solve()
             u, v, w = self.rows.split(np.rint(dual * scale).astype(np.int64))
             found = self.prove(u, w)
             if self.prices is None or found.bound > self.prices.bound:
@@ -117,7 +123,8 @@ class _Search(PricedPairs):
                 break
             away *= 32
             program.reprice(np.nonzero(keys % self.cost.shape[1] == self.rows.places)[0], min(away, most))
-        self._round(keys, chosen)
+        if len(keys):
+            self._round(keys, chosen)
 
     def finish(self) -> None:
         """Close the gap between the best choice and the bound, if there is one, over the pairs that can matter."""
@@ -135,10 +142,8 @@ class _Search(PricedPairs):
                 pairs = np.union1d(pairs, self.best[1])
             item, place = np.divmod(pairs, self.cost.shape[1])
             cost = (self.cost.ravel()[pairs] - self.members.sums(prices.u)[item]) * (1e4 / gap)
-            left = None if self.until is None else max(0.01, self.until - time.monotonic())
-            chosen, low, done = whole(
-                self.rows.low, self.rows.high, *self.rows.matrix(self.members, item, place), cost, left
-            )
+            matrix = self.rows.matrix(self.members, item, place)
+            chosen, low, done = whole(self.rows.low, self.rows.high, *matrix, cost, self._left())
             if chosen is not None:
                 self._offer(pairs[chosen])
             # whoever stays below `reach` uses none but these pairs, so their optimum speaks for all up to there
@@ -214,3 +219,7 @@ class _Search(PricedPairs):
 
     def _late(self) -> bool:
         return self.until is not None and time.monotonic() > self.until
+
+    def _left(self) -> float | None:
+        """Return how many seconds a solver may take; None: as many as it wants."""
+        return None if self.until is None else max(0.01, self.until - time.monotonic())
