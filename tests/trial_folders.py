@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from srprov import __version__
 from srprov.controller.request import PlanRequest
 from srprov.controller.trial_plan import TrialPlan, trial_plan
-from srprov.controller.trial_record import keep_session
+from srprov.controller.trial_record import keep_session, session_files
 from srprov.controller.trial_run import _robots
 from srprov.controller.trial_sameness import sameness
 from srprov.definitions import load_experiment
@@ -125,7 +125,7 @@ def run_folder(folder: Path, edf: Path, *, failed: int = 1, log: Sequence[str] =
     whole = design(plan.given)
     rows: list[dict[str, object]] = []
     with Clock().patched(), Journal(folder) as log_of_run:
-        keep_session(folder, 1, plan, inventory(world))
+        keep_session(folder, 1, plan, inventory(world), session_files(plan))
         same = sameness(plan, facts, {})
         log_of_run.add("run", version=__version__, run="20261122T090000Z-race-abcdef01", same=same, trials=4)
         for order, trial in enumerate(whole.trials, start=1):

@@ -39,11 +39,15 @@ def collect(
     a robot cannot be reached: what the others have is fetched.
     """
     from srprov.controller.collected import check_folder
+    from srprov.controller.own_output import shipping
 
     inventory = inputs.load_inventory(inventories)
-    experiment = inputs.load_experiment(file).experiment
+    definitions = inputs.load_experiment(file)
+    experiment = definitions.experiment
     name, source = inputs.named_instance(file, instance)
     check_folder(target, name)
+    if (by := shipping(definitions, target)) is not None:
+        err(visible(f"warning: {target} is in {by.source}: the next plan sends what comes there, too; {by.remedy}"))
     with inputs.connect(inventory, timeout, forks) as fleet:
         from srprov.controller.collection import collect as bring  # half a second of imports, while robots connect
 

@@ -65,9 +65,13 @@ def check_wanted(definitions: Definitions, wanted: TrialsRequest) -> None:
     Raises:
         UsageError, RefusedError: So it is.
     """
+    from srprov.controller.own_output import refuse_shipped
+    from srprov.controller.trial_folder import of_runs
     from srprov.controller.trial_run import check_request
 
     check_request(definitions.experiment, wanted)
+    if not wanted.discard:
+        refuse_shipped(definitions, wanted.folder or of_runs())
     given = definitions.experiment.trials
     if given is not None and given.settings.prompt and not (sys.stdin.isatty() or wanted.discard):
         raise RefusedError(

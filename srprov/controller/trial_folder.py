@@ -18,6 +18,11 @@ from srprov.whose import others_may_write
 _RESUME = "go on with the run in it by --resume, or name another folder"
 
 
+def of_runs() -> Path:
+    """Return where the folders are of runs that name none."""
+    return default_root().parent / "trials"
+
+
 def check_new(folder: Path, used_hint: str = _RESUME) -> None:
     """Refuse a folder for a new run that has something in it, that leads elsewhere, or that cannot be made.
 

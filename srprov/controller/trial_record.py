@@ -26,7 +26,23 @@ from srprov.secret import redact
 SESSIONS = "sessions"
 
 
-def keep_session(folder: Path, number: int, plan: TrialPlan, inventory: Inventory) -> None:
+def session_files(plan: TrialPlan) -> dict[str, InputFile]:
+    """Return all files of the experiment, for its records; read before robots act, so that a change is told by then.
+
+    Raises:
+        UsageError: One is not any more what was planned.
+    """
+    whole = _whole(plan)
+    return {**reader_files(whole), **shipped_files(whole), **definition_files(whole)}
+
+
+def _whole(plan: TrialPlan) -> Planned:
+    return replace(plan.base, desired=(*plan.base.desired, *plan.services))
+
+
+def keep_session(
+    folder: Path, number: int, plan: TrialPlan, inventory: Inventory, files: Mapping[str, InputFile]
+) -> None:
     """Write the record of a session before anything of it is run.
 
     Args:
@@ -34,13 +50,12 @@ def keep_session(folder: Path, number: int, plan: TrialPlan, inventory: Inventor
         number: Of the session, counted from 1. What a session that ended before its first event left is replaced.
         plan: What is run.
         inventory: The robots.
+        files: Of `session_files`.
 
     Raises:
-        UsageError: A file of the experiment is not any more what was planned.
         OSError: Something cannot be written.
     """
-    whole = replace(plan.base, desired=(*plan.base.desired, *plan.services))
-    files = {**reader_files(whole), **shipped_files(whole), **definition_files(whole)}
+    whole = _whole(plan)
     home = folder / SESSIONS / str(number)
     shutil.rmtree(home, ignore_errors=True)
     sink = PlainFolder(home)

@@ -20,15 +20,16 @@ from srprov import __version__
 from srprov.codes import Code
 from srprov.controller.data_owner import remember_owner
 from srprov.controller.fleet import Fleet
+from srprov.controller.input_files import InputFile
 from srprov.controller.phases import Phases
 from srprov.controller.run import run
 from srprov.controller.trial_connections import LockedRobots
-from srprov.controller.trial_folder import check_new, check_own, make_folder, opened
+from srprov.controller.trial_folder import check_new, check_own, make_folder, of_runs, opened
 from srprov.controller.trial_history import ACCEPT, History, read_history
 from srprov.controller.trial_images import remember
 from srprov.controller.trial_others import refuse_others
 from srprov.controller.trial_plan import TrialPlan
-from srprov.controller.trial_record import keep_session
+from srprov.controller.trial_record import keep_session, session_files
 from srprov.controller.trial_report import TrialsReport
 from srprov.controller.trial_request import BY_HAND, TrialsRequest
 from srprov.controller.trial_sameness import Sameness, as_far_as_known, containers_of, differences, sameness
@@ -43,7 +44,6 @@ from srprov.execution.trial_at_once import at_once
 from srprov.execution.trial_robots import Connections
 from srprov.facts.model import Snapshot
 from srprov.modules.image import ImageModule
-from srprov.record import default_root
 from srprov.record.journal import Journal
 from srprov.resource import Observed
 from srprov.session import Session
@@ -87,7 +87,7 @@ def check_request(experiment: Experiment, request: TrialsRequest) -> None:
     if request.resume:
         _resumed(request)
     else:
-        check_new(request.folder or _root() / "new")
+        check_new(request.folder or of_runs() / "new")
 
 
 def run_trials(
@@ -99,7 +99,7 @@ def run_trials(
     Raises:
         LockHeld: Somebody else holds one of the robots; nothing was changed.
         RefusedError: The run in the folder is of another experiment; or a trial's container is somebody else's by now.
-        UsageError: The folder cannot be used.
+        UsageError: The folder cannot be used, or a file of the experiment is not any more what was planned.
         OSError: It cannot be written any more; the trial under way is lost.
     """
     assert plan.base.snapshot is not None  # of a plan that was made, not read from a file
@@ -111,7 +111,7 @@ def run_trials(
     facts = _robots(plan.base.snapshot)
     same = sameness(plan, facts, plan.base.snapshot.observed)
     folder, earlier = _folder(plan, same, request)
-    made = chosen(design(plan.given), request.only)
+    files, made = session_files(plan), chosen(design(plan.given), request.only)
     fleet.sessions.prepare(sorted(robots))
     mine, waiting = claim(f"run {plan.base.plan.instance}", earlier.name), lock_options(plan.base.plan, options)
     with LockSet(robots, sessions, mine, waiting, stop, listener).acquire() as locks:
@@ -126,10 +126,10 @@ def run_trials(
             _refuse_changes(folder, earlier, same, request)
         if not earlier.events:
             make_folder(folder)
-        with LockedRobots(fleet, sessions, mine, waiting) as connections, opened(folder) as place:
+        with LockedRobots(fleet, sessions, mine, waiting) as locked, opened(folder) as place:
             forgetful = remember(place, plan, same, sessions, fleet.inventory)
             trials = _all(
-                plan, fleet.inventory, made, same, place, earlier, request, connections, options, say, stop, pause,
+                plan, files, fleet.inventory, made, same, place, earlier, request, locked, options, say, stop, pause,
             )  # fmt: skip
     return TrialsReport(
         folder=folder, rows=trials.rows, design=made, ended_early=trials.ended_early, base=base,
@@ -138,13 +138,13 @@ def run_trials(
 
 
 def _all(
-    plan: TrialPlan, inventory: Inventory, made: Design, same: Mapping[str, str], folder: Path,
-    earlier: History, request: TrialsRequest, connections: Connections, options: RunOptions, say: Say,
+    plan: TrialPlan, files: Mapping[str, InputFile], inventory: Inventory, made: Design, same: Mapping[str, str],
+    folder: Path, earlier: History, request: TrialsRequest, connections: Connections, options: RunOptions, say: Say,
     stop: threading.Event, pause: Callable[[float, str], None],
 ) -> Trials:  # fmt: skip
     """Run what has not ended yet, with the journal open."""
     with Journal(folder, earlier.events + 1) as journal:
-        keep_session(folder, earlier.sessions + 1, plan, inventory)
+        keep_session(folder, earlier.sessions + 1, plan, inventory, files)
         begun = {"version": __version__, "run": earlier.name, "same": same}
         journal.add("resume" if earlier.events else "run", **begun, trials=len(made.trials))
         earlier = _changed(journal, earlier, request, same, made)
@@ -210,7 +210,7 @@ def _folder(plan: TrialPlan, same: Mapping[str, str], request: TrialsRequest) ->
         now = dt.datetime.now(dt.timezone.utc).strftime("%Y%m%dT%H%M%SZ")
         digest = hashlib.sha256(json.dumps(dict(same), sort_keys=True).encode()).hexdigest()[:8]
         name = f"{now}-{plan.base.plan.instance}-{digest}"
-        folder = request.folder or _root() / name
+        folder = request.folder or of_runs() / name
         check_new(folder)
         return folder, History(name=name)
     folder, earlier = _resumed(request)
@@ -229,10 +229,6 @@ def _refuse_changes(folder: Path, earlier: History, same: Sameness, request: Tri
         raise RefusedError(
             f"this is not the experiment of {folder} any more:\n{lines}", hint=hint, code=Code.EXPERIMENT_CHANGED
         )
-
-
-def _root() -> Path:
-    return default_root().parent / "trials"
 
 
 def _resumed(request: TrialsRequest) -> tuple[Path, History]:

@@ -68,6 +68,18 @@ def test_what_cannot_be_run_is_told_before_any_robot_is_asked(
     assert race.log == [] and race.robots == {}
 
 
+def test_a_run_is_not_kept_in_what_its_experiment_ships(
+    race: World, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All steps were done on the robots before it was told that the run's own journal is a new file."""
+    (tmp_path / "race.edf").write_text(EDF.replace("robot: r1", "robot: r1, volumes: ['.:/x:ro']"))
+    assert run(["run", "race.edf", "-i", "inv.yml", "--yes", "-o", "res"]) == 5
+    assert "the run would change its own experiment" in capsys.readouterr().err
+    assert race.log == [] and race.robots == {} and not (tmp_path / "res").exists()
+    assert run(["collect", "race.edf", "-i", "inv.yml", "-o", "res"]) != 0
+    assert "warning: res is in " in capsys.readouterr().err
+
+
 def test_the_status_of_trials_that_are_over_says_so(race: World, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["status", "race.edf", "-i", "inv.yml", "--exit-code"]) == 0
     told = capsys.readouterr()

@@ -20,7 +20,7 @@ from srprov.controller import collected as collected_module
 from srprov.controller import collection
 from srprov.controller.collected import check_folder
 from srprov.controller.trial_folder import alone, check_new, check_own, make_folder
-from srprov.definitions.model import Experiment
+from srprov.definitions.model import Definitions, Experiment
 from srprov.errors import RefusedError, UsageError
 from srprov.execution.trial_patience import EquipmentFailed
 from srprov.record.results import open_part
@@ -43,7 +43,7 @@ def test_a_full_disk_is_an_error_that_names_the_file(tmp_path: Path, monkeypatch
 
     monkeypatch.setattr(collection, "collect", full)
     monkeypatch.setattr(inputs, "load_inventory", lambda _paths: None)
-    monkeypatch.setattr(inputs, "load_experiment", lambda _path: SimpleNamespace(experiment=None))
+    monkeypatch.setattr(inputs, "load_experiment", lambda _path: Definitions(experiment=PAIR, containers={}))
     monkeypatch.setattr(inputs, "named_instance", lambda *_given: ("hand", "hand.edf"))
     monkeypatch.setattr(inputs, "connect", lambda *_given: nullcontext())
     given = {"file": "hand.edf", "inventories": (), "as_json": False, "forks": 1, "timeout": 1.0, "instance": ""}
