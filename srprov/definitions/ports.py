@@ -19,10 +19,10 @@ def published(node: Node | None, findings: Findings, path: Path) -> tuple[Port, 
     none: tuple[Port, ...] = ()
     for item in scalars(node):
         for port in guarded(lambda given: values.ports(text(given)), item, none, findings, path):
-            others = taken.setdefault((port[1], port[3]), {})  # by address
-            same = others if port[0] in EVERYWHERE else (port[0], *EVERYWHERE)
-            first = next((others[one] for one in same if one in others), None)
-            if first is not None:
+            others = taken.get((port[1], port[3]))  # by address
+            if others is None:
+                others = taken[port[1], port[3]] = {}
+            elif (first := _taken(port[0], others)) is not None:
                 message = f"port {port[1]}/{port[3]} is published twice; already on line {first.line}"
                 findings.add(item, message, path, code=Code.WRONG_VALUE)
                 break
@@ -32,6 +32,11 @@ def published(node: Node | None, findings: Findings, path: Path) -> tuple[Port, 
                 findings.add(item, f"more than {values.MOST_PORTS} ports are published", path, code=Code.TOO_LARGE)
                 return none
     return tuple(every)
+
+
+def _taken(address: str, others: dict[str, Node]) -> Node | None:
+    same = others if address in EVERYWHERE else (address, *EVERYWHERE)
+    return next((others[one] for one in same if one in others), None)
 
 
 def exposed(node: Node | None, findings: Findings, path: Path) -> tuple[tuple[int, str], ...]:
