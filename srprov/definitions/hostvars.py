@@ -13,27 +13,20 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import TypeVar
 
 from srprov.codes import Code
-from srprov.definitions import schema, sshargs
-from srprov.definitions.groups import Variables
+from srprov.definitions import host_values, sshargs
+from srprov.definitions.groups import HostEntry, Variables
+from srprov.definitions.host_values import NAMES, Values
 from srprov.definitions.model import Host
 from srprov.errors import visible
 from srprov.secret import Secret
 from srprov.yamldoc import nodes
-from srprov.yamldoc.nodes import Findings, Map, Node, Scalar, Seq
+from srprov.yamldoc.nodes import Findings, Node, Scalar, Seq
 
 _T = TypeVar("_T")
 _SSH = {"ssh", "smart", "paramiko", "paramiko_ssh", "ansible.builtin.ssh", "ansible.builtin.paramiko_ssh"}
 _LOCAL = {"local", "ansible.builtin.local"}
 _ONE_WORD = re.compile(r"[\w/.,:@+-]*")
 """Of the path of a folder: what no shell, and not ssh, takes for anything else."""
-_NAMES = re.compile(r"\{\{\s*(inventory_hostname|inventory_hostname_short|inventory_dir)\s*\}\}")
-_TEMPLATE, _VAULT, _NUL = "a template", "a vault value", "a text with a NUL character"
-_HINTS = {
-    _TEMPLATE: "srprov renders no templates: write the value",
-    _VAULT: "srprov opens no vault",
-    _NUL: "no name, address or file has one",
-}
-"""What is not known of a value -> what to do."""
 _BECOME_PASSWORD = ("ansible_become_password", "ansible_become_pass", "ansible_sudo_pass")
 _PASSWORD = ("ansible_password", "ansible_ssh_pass", "ansible_ssh_password")
 _ARGUMENTS = ("ansible_ssh_args", "ansible_ssh_common_args", "ansible_ssh_extra_args")
@@ -47,9 +40,11 @@ READ = frozenset((
 """Every variable that `host` reads; a test holds it to that."""
 
 
-def host(name: str, variables: Variables, groups: tuple[str, ...], place: Node, findings: Findings) -> Host:
+def host(entry: HostEntry, variables: Variables, groups: tuple[str, ...], values: Values, findings: Findings) -> Host:
     """Return one host; what is wrong with a variable is added to the findings."""
-    reader = _VariableReader(name, variables, place.source.folder, findings)
+    name, place = entry.name, entry.place
+    folder = values.once(place.source, lambda: place.source.folder)
+    reader = _VariableReader(name, variables, folder, values, findings)
     no_options: list[tuple[str, str]] = []
     options = tuple(option for key in _ARGUMENTS for option in reader.read(key, sshargs.parse, no_options))
     identity = reader.text("ansible_ssh_private_key_file", "ansible_private_key_file")
@@ -96,8 +91,9 @@ def own_files(scopes: Iterable[Variables], hosts: Iterable[Host]) -> tuple[str, 
 class _VariableReader:
     """Reads single variables of one host."""
 
-    def __init__(self, name: str, variables: Variables, folder: str, findings: Findings) -> None:
+    def __init__(self, name: str, variables: Variables, folder: str, values: Values, findings: Findings) -> None:
         self.variables = variables
+        self.values = values
         self.folder = folder
         self.findings = findings
         self.names = {
@@ -109,7 +105,10 @@ class _VariableReader:
     def visible(self, key: str) -> Node | None:
         """Return a variable's value; a template or a vault value is a problem, and none is given."""
         found = self.variables.get(key)
-        return None if found is None or self._hidden(key, found[1]) else found[1]
+        if found is None:
+            return None
+        self.values.count(key, found[1], self.names, self.findings)
+        return None if self._hidden(key, found[1]) else found[1]
 
     def node(self, key: str, reader: Callable[[Node], _T | None]) -> _T | None:
         """Read a variable whose shape the schema checks."""
@@ -121,7 +120,7 @@ class _VariableReader:
         for key in keys:
             found = self.visible(key)
             if isinstance(found, Scalar) and not nodes.is_null(found):
-                named = self._named(found.text)
+                named = self._named(found)
                 if key in _ARGUMENTS and named != found.text and not _ONE_WORD.fullmatch(self.folder):
                     # nobody who reads it sees that name: it would be further options, or be run by a shell
                     message = f"its folder, {visible(self.folder)[:80]}, is more than one word of ssh's arguments"
@@ -138,26 +137,22 @@ class _VariableReader:
         given = self.text(key)
         if given is None:
             return default
-        try:
-            return reader(given)
-        except ValueError as error:
-            self.findings.add(self.variables[key][1], str(error), (key,), code=Code.HOST_VARIABLE)
+        node = self.variables[key][1]
+        read = self.values.of_text(key, node, self.names, lambda: _read(given, reader))
+        if isinstance(read, ValueError):
+            self.findings.add(node, str(read), (key,), code=Code.HOST_VARIABLE)
             return default
+        return read
 
     def words(self, key: str) -> tuple[str, ...]:
         """Return a list's texts, or those of one text with commas; each once, in order."""
         found = self.visible(key)
-        items = found.items if isinstance(found, Seq) else ()
-        texts = [item.text for item in items if isinstance(item, Scalar)]
-        if isinstance(found, Scalar) and not nodes.is_null(found):
-            texts = [word.strip() for word in found.text.split(",") if word.strip()]
-        return tuple(dict.fromkeys(texts))
+        return () if found is None else self.values.once(("words", found), lambda: _words(found))
 
     def secret(self, *keys: str, hidden_is_none: bool = False) -> Secret | None:
         """Return a password, wrapped at once; where a robot may do without one, a vault value is as good as none."""
         if hidden_is_none:
-            told = {key: why_unknown(self.variables[key][1]) for key in keys if key in self.variables}
-            keys = tuple(key for key, why in told.items() if why in ("", _NUL))
+            keys = tuple(key for key in keys if key in self.variables and self._unknown(key) in ("", host_values.NUL))
         given = self.text(*keys)
         try:
             return None if given is None else Secret(given)
@@ -168,33 +163,46 @@ class _VariableReader:
 
     def file(self, path: str) -> str:
         """Return a file of the controller: `~` is the home; a relative one is looked for beside the inventory first."""
+        return self.values.once(("file", path, self.folder), lambda: self._file(path))
+
+    def _file(self, path: str) -> str:
         expanded = os.path.expanduser(path)
         beside = os.path.join(self.folder, expanded)
         return beside if not os.path.isabs(expanded) and os.path.exists(beside) else os.path.abspath(expanded)
 
-    def _named(self, text: str) -> str:
-        return _NAMES.sub(lambda match: self.names[match[1]], text)
+    def _named(self, node: Scalar) -> str:
+        if not self.values.names_in(node):
+            return node.text
+        return self.values.of_text(
+            "named", node, self.names, lambda: NAMES.sub(lambda match: self.names[match[1]], node.text)
+        )
+
+    def _unknown(self, key: str) -> str:
+        node = self.variables[key][1]
+        return self.values.once(("unknown", node), lambda: host_values.why_unknown(node))
 
     def _hidden(self, key: str, node: Node) -> bool:
-        what = why_unknown(node)
+        what = self._unknown(key)
         if what:
-            hint = _HINTS[what]
+            hint = host_values.HINTS[what]
             self.findings.add(node, f"'{key}' is {what}, but srprov reads it", (key,), hint, code=Code.HOST_VARIABLE)
         return bool(what)
 
 
-def why_unknown(node: Node) -> str:
-    """Return why a value cannot be known, or nothing."""
-    if isinstance(node, Seq):
-        return next(filter(None, map(why_unknown, node.items)), "")
-    if isinstance(node, Map):
-        return _VAULT if "__ansible_vault" in node.entries else ""
-    if "vault" in node.tag or node.text.startswith("$ANSIBLE_VAULT;"):
-        return _VAULT
-    if "\0" in node.text:
-        return _NUL
-    bare = _NAMES.sub("", node.text)
-    return _TEMPLATE if node.tag != "!unsafe" and ("{{" in bare or "{%" in bare) else ""
+def _read(text: str, reader: Callable[[str], _T]) -> _T | ValueError:
+    """Return what a function reads of a text, or what it says is wrong."""
+    try:
+        return reader(text)
+    except ValueError as error:
+        return error
+
+
+def _words(node: Node) -> tuple[str, ...]:
+    items = node.items if isinstance(node, Seq) else ()
+    texts = [item.text for item in items if isinstance(item, Scalar)]
+    if isinstance(node, Scalar) and not nodes.is_null(node):
+        texts = [word.strip() for word in node.text.split(",") if word.strip()]
+    return tuple(dict.fromkeys(texts))
 
 
 def _port(text: str) -> int | None:
@@ -223,13 +231,3 @@ def _connection(text: str) -> str:
     if text in _SSH | _LOCAL:
         return "ssh" if text in _SSH else "local"
     raise ValueError(f"srprov reaches robots by ssh, or itself by local; not by '{text[:40]}'")
-
-
-def check_own(variables: Variables, findings: Findings) -> None:
-    """Check the variables that begin with srprov_; a template among them is told where a host reads it."""
-    own = {name: pair for name, pair in variables.items() if name.startswith("srprov_") and not why_unknown(pair[1])}
-    if own:
-        key, _ = next(iter(own.values()))
-        values = {name: value for name, (_, value) in own.items()}
-        root = Map(key.source, key.line, key.column, values, {name: at for name, (at, _) in own.items()})
-        schema.check(root, "inventory-vars", findings)

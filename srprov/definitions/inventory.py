@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 from srprov import regular_file
 from srprov.codes import Code
-from srprov.definitions import hostvars, inifile, names_alone, right_kind, script, unseen
+from srprov.definitions import host_values, hostvars, inifile, names_alone, right_kind, script, unseen
 from srprov.definitions.groups import Group, HostEntry, HostTree, Variables, variables_of
 from srprov.definitions.model import Inventory
 from srprov.definitions.paths import folder_of, hide_outside, lies_open, link_out, way_out
@@ -73,16 +73,16 @@ def _tree(paths: Sequence[str], folders: Sequence[str], unnamed: Collection[str]
 
 
 def _finish(tree: HostTree, source: str, *, may_run: bool) -> Inventory:
+    values = host_values.Values()
     for variables in _scopes(tree):
-        hostvars.check_own(variables, tree.findings)
+        host_values.check_own(variables, values, tree.findings)
     depths, members = tree.depths(), tree.members()
     groups_of = _groups_of(tree.hosts, members)
     hosts = {}
-    for name in sorted(tree.hosts):
-        groups = groups_of[name]
+    for name, groups in sorted(groups_of.items()):
         shown = tuple(sorted(groups - {"all", "ungrouped"}))
         effective = tree.effective(tree.hosts[name], groups, depths, hostvars.READ)
-        hosts[name] = one = hostvars.host(name, effective, shown, tree.hosts[name].place, tree.findings)
+        hosts[name] = one = hostvars.host(tree.hosts[name], effective, shown, values, tree.findings)
         if not may_run and hostvars.needs_trust(one):
             message = f"'{name}' has a password, a key or ssh options, or is this machine: name this inventory yourself"
             tree.findings.add(tree.hosts[name].place, message, (), _NAME_IT, code=Code.UNNAMED_INVENTORY)

@@ -11,7 +11,8 @@ import pytest
 
 from srprov.cli.problems import render_problems
 from srprov.definitions import check_files, hostvars, load_inventory
-from srprov.definitions.groups import Variables
+from srprov.definitions.groups import HostEntry, Variables
+from srprov.definitions.host_values import Values
 from srprov.errors import DefinitionError, did_you_mean
 from srprov.yamldoc.nodes import Findings, Scalar, Source
 from tests.bounded import bounded
@@ -341,7 +342,7 @@ def test_every_variable_that_is_read_is_named_as_such() -> None:
             return super().__contains__(key)
 
     variables: Variables = Spy()
-    hostvars.host("r1", variables, (), Scalar(Source("h"), 1, 1, "r1"), Findings())
+    hostvars.host(HostEntry("r1", Scalar(Source("h"), 1, 1, "r1")), variables, (), Values(), Findings())
     assert asked == hostvars.READ
 
 
