@@ -6,26 +6,33 @@ import functools
 import re
 from collections.abc import Mapping
 
-_MOST_PARTS, _MOST_WORK = 64, 4_000_000
-"""Dots in a table's name, and the sum of the squares of those in all lines: Python's reader of TOML looks at each part
-of a key again for each part of it, and at those of a table's name for each line in it."""
+_MOST_PARTS, _MOST_WORK = 64, 2_000_000
+"""Dots in a table's name; and parts that are looked at in all lines: for each part of a key, Python's reader of TOML
+goes through those of the key again, and through those of its table's name. Which table a line is in cannot be told
+before it is read, so that the longest name counts."""
+MOST_BYTES = 1 << 18
+"""Of a file that srprov takes apart; a long list of short values takes the reader two microseconds a byte."""
 _HEADER = re.compile(r"\s*\[([^\[\]]+)\]\s*(?:#.*)?")
 _KEY = re.compile(r"""\s*(?:"([^"]*)"|'([^']*)'|([^\s"'.=#\[\]]+))\s*[.=]""")
 
 
 def check_parts(text: str) -> None:
-    """Refuse keys that it would take for ever to read.
+    """Refuse a text that it would take for ever to read.
 
     Raises:
         ValueError: Names the line.
     """
-    lines = {number: line for number, line in enumerate(text.split("\n"), 1) if "." in line}
-    dots = {number: line.count(".") for number, line in lines.items()}
-    if sum(count * count for count in dots.values()) > _MOST_WORK:
-        raise ValueError(f"line {max(dots, key=dots.__getitem__)} has more dots than any key or path")
-    for number, count in dots.items():
-        if count > _MOST_PARTS and lines[number].lstrip().startswith("["):
-            raise ValueError(f"line {number} has more parts than the name of any table")
+    if len(text) > MOST_BYTES:
+        raise ValueError(f"it is longer than {MOST_BYTES >> 10} KiB")
+    all_lines = text.split("\n")
+    dots = {number: one.count(".") for number, one in enumerate(all_lines, 1) if one.strip()}
+    tables = {number: count for number, count in dots.items() if all_lines[number - 1].lstrip().startswith("[")}
+    longest = max(tables.values(), default=0)
+    if longest > _MOST_PARTS:
+        place = max(tables, key=tables.__getitem__)
+        raise ValueError(f"line {place} has more parts than the name of any table")
+    if sum((count + 1) * (count + 1 + longest) for count in dots.values()) > _MOST_WORK:
+        raise ValueError(f"with line {max(dots, key=dots.__getitem__)}, it has more dots than keys and paths have")
 
 
 def line(text: str, table: str, key: str) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import json
 import os
+import sys
 from pathlib import Path
 
 import click
@@ -523,6 +524,38 @@ def test_a_projects_file_is_read_in_time(tmp_path: Path, name: str, text: str) -
             return error.message
 
     assert len(bounded(read)) < 10_000
+
+
+def _a_key_below(table: str, rows: int) -> str:
+    return table + "".join(f"k{number}.a.a.a.a.a.a.a = 1\n" for number in range(rows))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        pytest.param(_a_key_below("[" + "a." * 63 + "a]\n", 9000), id="a table of many parts"),
+        pytest.param(_a_key_below("[[" + "a." * 63 + "a]]\n", 9000), id="a list of tables"),
+        pytest.param(_a_key_below("[" + "a." * 63 + "a]\nx = [\n[1]]\n", 9000), id="a list that looks like a table"),
+        pytest.param("x = [" + "1," * 140_000 + "]\n", id="a long list"),
+        pytest.param("".join(f"k{number} = 1\n" for number in range(40_000)), id="many lines"),
+    ],
+)
+def test_what_is_long_to_read_is_not_taken_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+    """Each line costs what the name of its table does, so that a file of a megabyte took every verb six seconds."""
+    read: list[str] = []
+    reader = importlib.import_module("tomllib" if sys.version_info >= (3, 11) else "tomli")
+    monkeypatch.setattr(reader, "loads", lambda text: read.append(text) or {})
+    write(tmp_path / "srprov.toml", text)
+    with pytest.raises(UsageError, match=r"more dots than keys|longer than 256 KiB"):
+        default_map(VERBS, tmp_path, {"HOME": str(tmp_path / "home")})
+    assert not read
+
+
+def test_what_people_write_is_taken_apart(tmp_path: Path) -> None:
+    keys = "".join(f"k{number} = ['a==1.2.3']\n" for number in range(50))
+    tools = "".join(f"[tool.t{table}.lint.rules]\n{keys}" for table in range(100))
+    write(tmp_path / "pyproject.toml", tools + "[tool.srprov]\nforks = 3\n")
+    assert default_map(VERBS, tmp_path, {"HOME": str(tmp_path / "home")})["plan"] == {"forks": 3}
 
 
 def test_a_file_of_other_tools_is_not_taken_apart(tmp_path: Path) -> None:
