@@ -64,7 +64,7 @@ def _refuse_changed(paths: tuple[str, ...]) -> None:
     if path := changed(paths):
         raise UsageError(
             f"{os.path.relpath(path)} is not what `srprov lab up` wrote, and may be a stranger's, as by `git pull`",
-            hint="`srprov lab up` in this folder writes it anew; keep one of your own under another name",
+            hint="remove it, or rename one of your own, and `srprov lab up` in this folder writes it anew",
             code=Code.STRANGE_FILE,
         )
 

@@ -117,7 +117,11 @@ def _place_of_inventory(site: Site) -> str:
             hint="go to another folder",
             code=Code.LAB_MACHINE,
         )
-    return str(site.inventory.absolute())
+    path = site.inventory.absolute()
+    if path.is_file() and not path.is_symlink() and not written.has_header(path):
+        message = f"{os.path.relpath(path)} is not what `srprov lab up` wrote"
+        raise LabError(message, hint="give it another name, or remove it", code=Code.LAB_MACHINE)
+    return str(path)
 
 
 def _make_key(site: Site) -> None:
@@ -160,16 +164,17 @@ def _boot_missing(site: Site, robots: Sequence[spec.Robot], say: Say) -> list[st
 def _write_inventory(site: Site, lab: state.Lab, robots: Sequence[spec.Robot]) -> None:
     keys = {each: disk.host_key(site, each.name) for each in robots}
     _write_if_other(site.known_hosts, inventory.known_hosts(site, keys))
-    for path in lab.inventories:
-        if Path(path) == site.inventory.absolute() or Path(path).exists():
-            _write_if_other(Path(path), inventory.as_text(site, robots, lab.user))
+    for path in map(Path, lab.inventories):
+        # of folders of before, only what is the lab's by now: they may be others, or elsewhere
+        if path == site.inventory.absolute() or (written.lies_there(path) and written.has_header(path)):
+            _write_if_other(path, inventory.as_text(site, robots, lab.user))
 
 
 def _write_if_other(path: Path, text: str) -> None:
     """Write a file, as root, into a folder that may be a stranger's: through no link, over nothing but its own name."""
-    if path.parent.is_symlink():
+    if not written.lies_there(path):
         raise LabError(
-            f"{path.parent} is a link to another folder",
+            f"{path.parent} is a link to another folder, or lies below one",
             hint="remove it, or go to another folder",
             code=Code.LAB_MACHINE,
         )
@@ -203,7 +208,7 @@ def down(name: str, say: Say) -> bool:
         network.remove(site)
         for path in map(Path, lab.inventories if lab else ()):
             with contextlib.suppress(OSError):  # gone, or no file
-                if regular_file.beginning(path, len(inventory.HEADER)) == inventory.HEADER.encode():
+                if written.lies_there(path) and written.has_header(path):
                     path.unlink()
         sites.release(site)
     return True

@@ -14,12 +14,27 @@ from pathlib import Path
 
 from srprov import regular_file
 from srprov.lab import state
+from srprov.lab.inventory import HEADER
 from srprov.lab.places import NAMED_RUN, Site
 
 
 def digest(text: str) -> str:
     """Return what the text of an inventory is known by."""
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def has_header(path: str | Path) -> bool:
+    """Return whether a file begins as an inventory of a lab; what is a link, or cannot be read, does not."""
+    try:
+        return not os.path.islink(path) and regular_file.beginning(path, len(HEADER)) == HEADER.encode()
+    except OSError:
+        return False
+
+
+def lies_there(path: str | Path) -> bool:
+    """Return whether no link leads to the folder of a file: whoever can put one there says where the file is."""
+    folder = os.path.dirname(path)
+    return os.path.realpath(folder) == folder
 
 
 def changed(paths: Collection[str]) -> str:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+import shutil
 from pathlib import Path
 
 import pytest
 
 from srprov.cli.inputs import load_inventory
 from srprov.errors import LabError, UsageError
-from srprov.lab import places, state, written
-from srprov.lab.lab import _place_of_inventory, _write_if_other
+from srprov.lab import disk, places, state, written
+from srprov.lab.inventory import HEADER
+from srprov.lab.lab import _place_of_inventory, _write_if_other, _write_inventory
 from srprov.lab.places import Site
 
 
@@ -44,6 +46,51 @@ def test_a_folder_that_is_a_link_and_a_pipe_are_refused(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "etc" / "lab.yml")
     with pytest.raises(LabError, match="it is a pipe"):
         _write_if_other(tmp_path / "etc" / "lab.yml", "lab")
+
+
+@pytest.fixture
+def at_labs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Site:
+    """Return a lab without robots, whose files lie in a folder of the test."""
+    monkeypatch.setattr(places, "RUN", tmp_path / "run")
+    monkeypatch.setattr(disk, "host_key", lambda site, name: "key")
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    return Site("", 1)
+
+
+def test_what_was_a_lab_s_inventory_is_written_only_while_it_is_one(tmp_path: Path, at_labs: Site) -> None:
+    """A folder of a project that was, by `git pull`, becomes a link to one of the user's own, or has a file of his."""
+    old, mine = tmp_path / "clone" / "sub" / "inventory" / "lab.yml", tmp_path / "mine" / "inventory" / "lab.yml"
+    for path in (old, mine):
+        path.parent.mkdir(parents=True)
+    lab = state.Lab({}, None, "", (str(old), str(at_labs.inventory.absolute())), "")
+    old.write_text(f"{HEADER}old")
+    _write_inventory(at_labs, lab, [])
+    assert old.read_text() == at_labs.inventory.read_text() != f"{HEADER}old"
+
+    old.write_text("all: {hosts: {mine: }}\n")
+    _write_inventory(at_labs, lab, [])
+    assert old.read_text() == "all: {hosts: {mine: }}\n"
+
+    shutil.rmtree(tmp_path / "clone" / "sub")
+    (tmp_path / "clone" / "sub").symlink_to("../mine")
+    for text in ("all: {hosts: {mine: }}\n", f"{HEADER}of another lab"):
+        mine.write_text(text)
+        _write_inventory(at_labs, lab, [])
+        assert mine.read_text() == text
+    with pytest.raises(LabError, match="or lies below one"):
+        _write_if_other(old, "lab")
+
+
+def test_a_file_of_the_user_s_in_the_inventory_s_place_is_refused_before_anything_is_done(
+    tmp_path: Path, at_labs: Site
+) -> None:
+    at_labs.inventory.parent.mkdir()
+    at_labs.inventory.write_text("all: {hosts: {mine: }}\n")
+    with pytest.raises(LabError, match=r"inventory/lab\.yml is not what `srprov lab up` wrote"):
+        _place_of_inventory(at_labs)
+    at_labs.inventory.write_text(f"{HEADER}all: {{}}\n")
+    assert _place_of_inventory(at_labs) == str(tmp_path / "here" / "inventory" / "lab.yml")
 
 
 @pytest.mark.parametrize("name", ["group_vars", "host_vars"])
