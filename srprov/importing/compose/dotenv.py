@@ -52,10 +52,13 @@ def raw(text: str, file: str, lookup: Lookup) -> Iterator[Entry]:
     """Yield the lines of a file whose values are taken as they are written (`format: raw`).
 
     Raises:
-        Refused: A line has no name.
+        Refused: A line has no name, or there are too many.
     """
     for number, line in enumerate(text.splitlines(), 1):
         at = Position(file, number, 1)
+        if number > MOST_LINES:
+            many = f"there are more than {MOST_LINES} lines"
+            raise Refused([Diagnostic(at, many, code=Code.COMPOSE_VARIABLE)])
         bare = line.lstrip()
         if not bare or bare.startswith("#"):
             continue

@@ -126,29 +126,35 @@ def _subnets(base: Value, over: Value, path: Path, rules: Rules | None) -> Value
     """Entries with the same subnet are one."""
     if not isinstance(base.data, list) or not isinstance(over.data, list):
         raise refuse(over, "this is a list of subnets", path)
-    result: list[Value] = []
-
-    def put(entry: Value, *, again: bool) -> bool:
-        have = [number for number, one in enumerate(result) if _subnet(one) == _subnet(entry)]
-        if have and again:
-            result[have[0]] = entry
-        elif not have:
-            result.append(entry)
-        return not have
-
+    if strange := next((one for one in [*base.data, *over.data] if not isinstance(one.data, dict)), None):
+        raise refuse(strange, "this is a map with a subnet", path)
+    values = len(over.data) * sum(map(_count, base.data)) + len(base.data) * sum(map(_count, over.data))
+    if values > _MOST_OF_SUBNETS:
+        raise refuse(over, "with those of the file before, these are more subnets than a network has", path)
+    result: dict[object, Value] = {}
     for one in base.data:
         for other in over.data:
-            if _subnet(one) != _subnet(other) and put(other, again=False):
-                continue
-            put(_maps(one, other, path, None), again=True)
-    return over.of(result)
+            if _subnet(one) != _subnet(other) and _subnet(other) not in result:
+                result[_subnet(other)] = other
+            else:
+                entry = _maps(one, other, path, None)
+                result[_subnet(entry)] = entry
+    return over.of(list(result.values()))
 
 
 def _subnet(entry: Value) -> object:
     subnet = entry.get("subnet")
-    return subnet.data if subnet is not None else None
+    data = subnet.data if subnet is not None else None
+    return id(data) if isinstance(data, dict | list) else data
 
 
+def _count(value: Value) -> int:
+    inner = value.data.values() if isinstance(value.data, dict) else value.data
+    return 1 + (sum(map(_count, inner)) if isinstance(value.data, dict | list) else 0)
+
+
+_MOST_OF_SUBNETS = 20_000
+"""Values of all subnets of a network's two files, each as often as the other has subnets: that is how they unite."""
 _SEQUENCES = """networks.*.labels volumes.*.labels services.*.annotations services.*.build.args
     services.*.build.additional_contexts services.*.build.labels services.*.deploy.labels services.*.dns
     services.*.dns_opt services.*.dns_search services.*.env_file services.*.label_file services.*.environment

@@ -24,6 +24,8 @@ from srprov.importing.position import Path, Position
 from srprov.yamldoc import loader, nodes
 
 MOST_FILES = 200
+MOST_OF_VARIABLES = 100_000
+"""Of files of variables that files name, each as often as it is named: a line is one, and so are twenty characters."""
 HINT = "copy it there; or, where the whole project is your own, say which folder that is: --root DIR"
 """Of what lies outside of the folder of the file that says so."""
 _KINDS = {bool: "a boolean", int: "a number", float: "a number", type(None): "nothing", Date: "a date"}
@@ -40,6 +42,7 @@ class Reading:
     own: frozenset[str] = frozenset()
     """Real paths of files that secrets were read from on this machine: their values are put into nothing else."""
     count: int = 0
+    of_variables: int = 0
     texts: dict[str, str] = field(default_factory=dict)
     """What was read, by its real path."""
     trees: dict[tuple[str, str], Value] = field(default_factory=dict)
@@ -115,6 +118,12 @@ class Reading:
             Refused: It cannot be read, or must not be.
         """
         text = self.text(path, shown, named)
+        if named is not None:
+            before = self.of_variables  # of a single file it is told which limit it breaks
+            self.of_variables += 10 + text.count("\n") + len(text) // 20
+            if before and self.of_variables > MOST_OF_VARIABLES:
+                message = "what files of variables say, as often as services name them, is more than a project has"
+                raise Refused([Diagnostic(named.at, message, code=Code.TOO_LARGE)])
         if named is not None and (regular_file.is_one_of(os.path.realpath(path), self.own) or is_own(text.encode())):
             message = f"'{named.data}' holds a password of robots, a key or a secret, and no file may have it read"
             hint = f"if you mean its variables, name it yourself: --env-file {shlex.quote(shown)}"

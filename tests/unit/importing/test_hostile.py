@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from srprov.importing.compose import envfiles
 from srprov.importing.normal import Normal, Refused
 from srprov.importing.read import normalise
 from tests.bounded import bounded, within
@@ -291,3 +292,70 @@ def test_blanks_in_a_file_of_variables(tmp_path: Path) -> None:
 )
 def test_many_variables_and_escapes_in_one_line(tmp_path: Path, text: str, most: str) -> None:
     assert f"more than {most}" in re.sub(r"\d+ ", "", bounded(lambda: refusal(tmp_path, SERVICE, _env=text)))
+
+
+def _subnets(second: int, first: int, field: str = "") -> str:
+    entries = ", ".join(f"{{subnet: 10.{first}.{n // 256}.{n % 256}/32{field}}}" for n in range(second))
+    return f"services: {{a: {{image: x}}}}\nnetworks: {{n: {{ipam: {{config: [{entries}]}}}}}}\n"
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (_subnets(400, 1), _subnets(400, 2)),
+        (_subnets(2000, 1), _subnets(20, 2)),
+        (_subnets(1, 1, f", aux_addresses: {{{', '.join(f'h{n}: 10.1.1.1' for n in range(3000))}}}"), _subnets(500, 2)),
+    ],
+)
+def test_each_subnet_of_a_file_over_each_of_another(tmp_path: Path, one: str, other: str) -> None:
+    said = bounded(lambda: refusal(tmp_path, "include: [{path: [a.yml, b.yml]}]\n" + SERVICE, a_yml=one, b_yml=other))
+    assert "more subnets than a network has" in said
+
+
+def test_subnets_that_people_write_unite(tmp_path: Path) -> None:
+    over = _subnets(30, 1, ", gateway: 10.1.0.1").replace("services: {a: {image: x}}\n", "")
+    found = read(
+        tmp_path, "include: [{path: [a.yml, b.yml]}]\n" + SERVICE.replace("a:", "b:"), a_yml=_used(30), b_yml=over
+    )
+    config = found.document["networks"]["n"]["ipam"]["config"]
+    assert len(config) == 30
+    assert all(one["gateway"] == "10.1.0.1" for one in config)
+
+
+def _used(count: int) -> str:
+    return _subnets(count, 1).replace("image: x", "image: x, networks: [n]")
+
+
+def test_what_is_no_subnet_is_told(tmp_path: Path) -> None:
+    other = "networks: {n: {ipam: {config: [foo]}}}\n"
+    said = refusal(tmp_path, "include: [{path: [a.yml, b.yml]}]\n" + SERVICE, a_yml=_used(2), b_yml=other)
+    assert "this is a map with a subnet" in said
+
+
+@pytest.mark.parametrize("form", ["", ", format: raw"])
+def test_a_file_of_variables_that_many_services_name(
+    tmp_path: Path, form: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each of them has all that it says."""
+    read_in: list[str] = []
+    values = envfiles.values
+    monkeypatch.setattr(envfiles, "values", lambda *given, **more: read_in.append("") or values(*given, **more))
+    lines = "".join(f"A{n}=1\n" for n in range(1000))
+    service = f"{{image: x, env_file: [{{path: l.env{form}}}]}}"
+    few = "services: {" + ", ".join(f"s{n}: {service}" for n in range(20)) + "}\n"
+    assert len(read(tmp_path, few, l_env=lines).document["services"]["s19"]["environment"]) == 1000
+    read_in.clear()
+    many = "services: {" + ", ".join(f"s{n}: {service}" for n in range(1000)) + "}\n"
+    assert "as often as services name them" in refusal(tmp_path, many, l_env=lines)
+    assert len(read_in) < 100
+
+
+def test_a_file_of_labels_that_is_named_again_and_again(tmp_path: Path) -> None:
+    many = f"services: {{a: {{image: x, label_file: [{', '.join(['l.env'] * 1000)}]}}}}\n"
+    said = refusal(tmp_path, many, l_env="".join(f"A{n}=1\n" for n in range(1000)))
+    assert "as often as services name them" in said
+
+
+def test_a_raw_file_of_variables_has_no_more_lines_than_another(tmp_path: Path) -> None:
+    text = "services: {a: {image: x, env_file: [{path: l.env, format: raw}]}}\n"
+    assert "more than 10000 lines" in refusal(tmp_path, text, l_env="A=1\n" * 10_001)
