@@ -112,10 +112,11 @@ def _together(projects: Sequence[Project]) -> Iterator[Note]:
 
 def _names(project: Project, projects: Sequence[Project]) -> None:
     """Choose the names of a project's services."""
+    taken = {name for other in projects for name in other.names.values()}
     for written, given in (project.document.get("services") or {}).items():
-        taken = [name for other in projects for name in other.names.values()]
         wanted = service_name(written)
-        chosen = project.making.free(wanted, taken, project.machine.robot)
+        chosen = project.making.free(wanted, project.machine.robot, taken)
+        taken.add(chosen)
         project.names[written] = chosen
         project.making.known |= {chosen, *filter(None, [str(given.get("hostname") or "")])}
         if chosen != written:

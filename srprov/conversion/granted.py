@@ -58,12 +58,11 @@ def _secret(name: str, source: Mapping[str, str], project: Project) -> str:
     """Return the name of a secret in the experiment; two projects with the same one share it."""
     known = project.making.secrets
     clean = _NAME.sub("-", name).strip("-.") or "secret"
-    for made, other in known.items():
-        if other == source and made.startswith(clean):
-            return made
-    made = project.making.free(clean, known, project.machine.robot)
-    known[made] = dict(source)
-    return made
+    key = (clean, frozenset(source.items()))
+    if key not in project.making.secret_names:
+        made = project.making.secret_names[key] = project.making.free(clean, project.machine.robot, known)
+        known[made] = dict(source)
+    return project.making.secret_names[key]
 
 
 def configs(given: Mapping[str, Any], project: Project, at: Path, folder: str) -> tuple[list[object], list[object]]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from typing import Any
 
 from srprov import names
@@ -93,24 +93,22 @@ def _made_name(service: str, target: str, project: Project) -> str:
 def _free(key: str, wanted: str, project: Project) -> str:
     """Return the name of a volume that is no other one's, also not one's of which the files say the name."""
     if key not in project.volume_names:
-        taken = project.making.volumes.keys() | _used(project) | set(project.document.get("volumes") or {})
-        project.volume_names[key] = project.making.free(wanted, taken, project.machine.robot)
+        _name(key, wanted, project, project.document.get("volumes") or {})
     return project.volume_names[key]
 
 
 def _volume_name(name: str, project: Project) -> str:
     if name not in project.volume_names:
         clean = _NO_NAME.sub("-", name).lstrip("-._") or "volume"
-        taken = project.making.volumes.keys() | _used(project)
-        project.volume_names[name] = project.making.free(clean, taken, project.machine.robot)
+        _name(name, clean, project)
     return project.volume_names[name]
 
 
-def _used(project: Project) -> set[str]:
-    """Return the named volumes that services mount already."""
-    mounts = (one for service in project.making.services.values() for one in service.get("volumes", ()))
-    sources = (one.get("source", "") if isinstance(one, dict) else str(one).partition(":")[0] for one in mounts)
-    return {source for source in sources if "/" not in source} | set(project.volume_names.values())
+def _name(key: str, wanted: str, project: Project, *taken: Container[str]) -> None:
+    making = project.making
+    made = making.free(wanted, project.machine.robot, making.volumes, making.mounted, *taken)
+    project.volume_names[key] = made
+    making.mounted.add(made)
 
 
 def _device(name: str, project: Project) -> str | None:

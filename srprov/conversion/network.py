@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import ipaddress
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -22,7 +20,6 @@ _CONDITIONS = {
     "service_completed_successfully": "completed",
 }
 _Given = Mapping[str, Any]
-_Subnet = ipaddress.IPv4Network | ipaddress.IPv6Network
 _LOOPBACK = re.compile(r"(?<![A-Za-z0-9_.-])(localhost|127\.0\.0\.1)(?![A-Za-z0-9_-])")
 
 
@@ -121,33 +118,18 @@ def _range(first: int, count: int) -> str:
 
 def extra_hosts(given: _Given, project: Project, at: Path) -> dict[str, Any]:
     """Return `extra_hosts` but for what the overlay's own hosts file says, or addresses that will not be there."""
-    kept, networks = [], tuple(_subnets(project))
+    kept = []
     for one in given.get("extra_hosts") or ():
         name, _, address = str(one).partition("=")
         if name in project.making.known:
             why = f"'{name[:60]}' is a service, which is found at its own address"
-        elif _lies_in(address, networks):
+        elif project.subnets.have(address):
             why = f"'{name[:60]}' is on a network of the file, whose addresses are not those of the overlay"
         else:
             kept.append(str(one))
             continue
         project.notes.dropped((*at, "extra_hosts"), why)
     return {"extra_hosts": kept} if kept else {}
-
-
-def _subnets(project: Project) -> Iterator[_Subnet]:
-    for network in (project.document.get("networks") or {}).values():
-        for one in ((network or {}).get("ipam") or {}).get("config") or ():
-            with contextlib.suppress(ValueError):
-                yield ipaddress.ip_network(str(one.get("subnet") or ""))
-
-
-def _lies_in(address: str, networks: tuple[_Subnet, ...]) -> bool:
-    try:
-        given = ipaddress.ip_address(address)
-    except ValueError:  # host-gateway; what is no address is told when the experiment is checked
-        return False
-    return any(given in network for network in networks)
 
 
 def depends_on(given: _Given, project: Project, at: Path) -> dict[str, Any]:

@@ -6,17 +6,22 @@ reads nothing.
 
 from __future__ import annotations
 
+import functools
+import itertools
 import os
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Container, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import msgspec
 
 from srprov import names
+from srprov.codes import Code
 from srprov.conversion.notes import Notes
+from srprov.conversion.subnets import Subnets
 from srprov.definitions.paths import belongs
+from srprov.errors import UsageError
 from srprov.importing.compose.folders import led_away
 from srprov.importing.compose.source import HINT
 from srprov.importing.normal import Normal
@@ -26,6 +31,8 @@ FILES = "files"
 """Folder of the experiment that what the files name is copied to."""
 WRITTEN = "written"
 """Folder of what stood in the files themselves. None of it takes the place of what is copied, or the other way."""
+_MOST_ALIKE = 1000
+"""Names with a number behind them are tried one after the other."""
 
 
 class Machine(msgspec.Struct, frozen=True):
@@ -61,7 +68,11 @@ class Making:
     services: dict[str, dict[str, Any]] = field(default_factory=dict)
     volumes: dict[str, dict[str, str]] = field(default_factory=dict)
     """Named volumes that begin with a folder: name -> `seed`."""
+    mounted: set[str] = field(default_factory=set)
+    """Names of volumes that any project's services mount."""
     secrets: dict[str, dict[str, str]] = field(default_factory=dict)
+    secret_names: dict[tuple[str, frozenset[tuple[str, str]]], str] = field(default_factory=dict)
+    """What a secret would be called, and where its value is -> its name."""
     cdfs: dict[str, dict[str, Any]] = field(default_factory=dict)
     """CDF's file name -> what it says."""
     copies: dict[str, str] = field(default_factory=dict)
@@ -78,14 +89,21 @@ class Making:
     def word(self, robot: str) -> str:
         """Return what the folder of a robot's files is called: each has one of its own."""
         if robot not in self.words:
-            self.words[robot] = self.free(_word(robot), self.words.values(), "")
+            self.words[robot] = self.free(_word(robot), "", self.words.values())
         return self.words[robot]
 
-    def free(self, wanted: str, taken: Iterable[str], robot: str) -> str:
-        """Return a name that nothing has yet: the wanted one, or one with the robot's or a number."""
-        known = set(taken)
-        choices = (wanted, *([f"{wanted}-{_word(robot)}"] if robot else []), *(f"{wanted}-{n}" for n in range(2, 1000)))
-        return next(one for one in choices if one not in known)
+    def free(self, wanted: str, robot: str, *taken: Container[str]) -> str:
+        """Return a name that nothing has yet: the wanted one, or one with the robot's or a number.
+
+        Raises:
+            UsageError: All of these are taken.
+        """
+        numbered = (f"{wanted}-{n}" for n in range(2, _MOST_ALIKE))
+        for one in itertools.chain([wanted], [f"{wanted}-{_word(robot)}"] if robot else (), numbered):
+            if not any(one in names_there for names_there in taken):
+                return one
+        words = f"more than {_MOST_ALIKE} things would be called '{wanted[:60]}' in the experiment"
+        raise UsageError(words, hint="give them other names", code=Code.TOO_LARGE)
 
 
 @dataclass
@@ -100,6 +118,11 @@ class Project:
     """The service's name in Compose -> in the experiment."""
     volume_names: dict[str, str] = field(default_factory=dict)
     """The same of volumes."""
+
+    @functools.cached_property
+    def subnets(self) -> Subnets:
+        """The subnets of the file's networks."""
+        return Subnets.of(self.document.get("networks") or {})
 
     def path(self, written: str) -> str:
         """Return the absolute path of what is written relative to the project's folder."""

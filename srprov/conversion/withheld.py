@@ -33,9 +33,11 @@ def refuse_read(named: Iterable[Named], secrets: Collection[str]) -> None:
     Raises:
         Refused: Names each.
     """
-    read = [one for one in named if is_withheld(one.file, secrets) or regular_file.is_one_of(one.file, secrets)]
+    known, all_named = regular_file.identities(secrets), dict.fromkeys(named)
+    files = dict.fromkeys(one.file for one in all_named)  # each of them once, however often it is named
+    read = {one for one in files if is_withheld(one, secrets) or not known.isdisjoint(regular_file.identities([one]))}
     if read:
-        raise Refused([_refusal(one) for one in dict.fromkeys(read)])
+        raise Refused([_refusal(one) for one in all_named if one.file in read])
 
 
 def _refusal(one: Named) -> Diagnostic:
