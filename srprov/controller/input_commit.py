@@ -39,9 +39,8 @@ def source_commit(planned: Planned, files: Mapping[str, InputFile]) -> dict[str,
         return {**about, "commit": None, "problem": "not a git repository, or none whose commit can be told"}
     top, commit = checkout
     try:
-        listed = program.run(
-            ["-C", top, "ls-tree", "-r", "-z", "--full-tree", commit], most=_MOST_LISTED, seconds=_LOOK_S
-        )
+        look = ["-C", top, "ls-tree", "-r", "-z", "--full-tree", commit]
+        listed = program.run(look, most=_MOST_LISTED, seconds=_LOOK_S, memory=program.OF_A_LOOK)
     except (program.GitError, OSError):
         return {**about, "commit": None, "problem": "git cannot list the files of its commit"}
     there = _objects(listed)

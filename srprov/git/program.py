@@ -20,7 +20,10 @@ LOOK_S = 60.0
 FETCH_S = 600.0
 MOST_FETCHED = 512 * 1024 * 1024
 """Bytes of what is fetched at once, packed."""
-_MOST_MEMORY_KIB = 2 * 1024 * 1024
+_MOST_MEMORY = 2 << 30
+OF_A_LOOK = 256 << 20
+"""Bytes of memory to look at a repository that is here: git holds a tree as a whole, whatever size it says it has. The
+list of objects of a pack counts, too: seven million of them are too many."""
 _MOST_PROCESSOR_S = 300
 _MOST_SAID = 300
 """Characters of git's own words that an error repeats."""
@@ -48,7 +51,13 @@ class GitError(ValueError):
 
 
 def run(
-    arguments: Sequence[str], *, transport: str = "", most: int, seconds: float, given: BinaryIO | None = None
+    arguments: Sequence[str],
+    *,
+    transport: str = "",
+    most: int,
+    seconds: float,
+    memory: int = _MOST_MEMORY,
+    given: BinaryIO | None = None,
 ) -> bytes:
     """Run git and return what it printed.
 
@@ -57,15 +66,16 @@ def run(
         transport: The one way by which it may reach a repository: `https`, `ssh` or `file`; empty: none.
         most: Bytes that it may print.
         seconds: After which it is ended.
+        memory: Bytes of address space that it may have.
         given: What it reads.
 
     Raises:
         GitError: It failed, printed more, took longer, or is not installed.
     """
-    settings = [word for one in _SETTINGS for word in ("-c", one)]
-    limits = [str(MOST_FETCHED // 512), str(_MOST_MEMORY_KIB), str(_MOST_PROCESSOR_S)]
+    held = (f"core.packedGitLimit={memory >> 2}", f"core.deltaBaseCacheLimit={memory >> 3}")
+    limits = [str(MOST_FETCHED // 512), str(memory >> 10), str(_MOST_PROCESSOR_S)]
     process = subprocess.Popen(
-        ["/bin/sh", "-c", _LIMITED, "sh", *limits, *settings, *arguments],
+        ["/bin/sh", "-c", _LIMITED, "sh", *limits, *_settings(*_SETTINGS, *held), *arguments],
         stdin=given or subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -85,6 +95,10 @@ def run(
     if code:
         raise GitError(_why(code, said.decode("utf-8", "replace")))
     return printed
+
+
+def _settings(*given: str) -> list[str]:
+    return [word for one in given for word in ("-c", one)]
 
 
 def _environment(own: Mapping[str, str], transport: str) -> dict[str, str]:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import subprocess
+import sys
 import time
+import zlib
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -173,3 +175,28 @@ def test_a_repository_that_waits_for_a_pipe_is_given_up_soon(tmp_path: Path) -> 
     found = source_commit(planned(tmp_path / "r"), {})
     assert found is not None and found["commit"] is None and found["problem"]
     assert time.monotonic() - begun < 8
+
+
+_LOOKS = """
+import resource, sys
+from types import SimpleNamespace
+from srprov.controller.input_commit import source_commit
+experiment = SimpleNamespace(file="x.edf", folder=sys.argv[1])
+print(source_commit(SimpleNamespace(definitions=SimpleNamespace(experiment=experiment)), {})["commit"])
+print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss >> 10)
+"""
+
+
+def test_a_tree_that_becomes_huge_is_not_held_in_memory(tmp_path: Path) -> None:
+    """A megabyte of zeros in a clone's `.git`, packed a thousand times over, and git holds a tree as a whole."""
+    committed(tmp_path / "r")
+    name, size, packing = "7e" + "57" * 19, 600, zlib.compressobj(1)
+    packed = [packing.compress(b"tree %d\0" % (size << 20)), *(packing.compress(bytes(1 << 20)) for _ in range(size))]
+    path = tmp_path / "r/.git/objects" / name[:2] / name[2:]
+    path.parent.mkdir(exist_ok=True)
+    path.write_bytes(b"".join([*packed, packing.flush()]))
+    (tmp_path / "r/.git/HEAD").write_text(name + "\n")
+    looked = [sys.executable, "-c", _LOOKS, str(tmp_path / "r")]
+    said = subprocess.run(looked, check=True, capture_output=True, text=True, cwd=Path(__file__).parents[3]).stdout
+    commit, mebibytes = said.split()
+    assert (commit, int(mebibytes) < 200) == ("None", True), said
