@@ -85,7 +85,7 @@ class Engine:
     def query(self, query: EngineQuery) -> Reply:
         """Answer a GET."""
         if self.down:
-            return Reply(status=0, ok=False, err="the Docker Engine closed the connection")
+            return Reply(status=0, ok=False, err="the Docker Engine did not answer within 20 s")
         if self.late:
             return Reply(status=504, ok=False, err="the Docker Engine did not answer within 20 s")
         if query.path in self.unreadable:
@@ -265,7 +265,7 @@ class Engine:
     def call(self, call: EngineCall) -> Reply:
         """Do what a POST or DELETE asks."""
         if self.down:
-            return Reply(status=0, ok=False, err="the Docker Engine closed the connection")
+            return Reply(status=0, ok=False, err="the Docker Engine did not answer within 20 s")
         reply = self._do(call)
         return Reply(status=reply.status, out=reply.out, err=reply.err, ok=reply.status in call.accept)
 

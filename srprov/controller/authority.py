@@ -13,10 +13,17 @@ from msgspec.structs import replace
 
 from srprov.codes import Code
 from srprov.controller.image_claim import is_own_image
-from srprov.controller.overlay_claim import astray, had_twice, underlays_of, vteps_of, wrong_link
+from srprov.controller.overlay_claim import astray, had_twice, underlays_of, wrong_link
 from srprov.controller.placement_claim import PlacementClaim, misplaced, unrecorded
 from srprov.controller.robot_files import is_record_path
-from srprov.controller.stated import definition_of, led_elsewhere, pulled_for_nobody, sent_for_nobody, unstated
+from srprov.controller.stated import (
+    definition_of,
+    led_elsewhere,
+    of_the_controller,
+    pulled_for_nobody,
+    sent_for_nobody,
+    unstated,
+)
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.dockerfile import unclear
 from srprov.definitions.model import Experiment, NetworkSettings, Service
@@ -85,6 +92,7 @@ def asked(saved: PlanFile) -> tuple[Permission, ...]:
         *permissions(whole, builds),
         *reach,
         *(Permission(kind=one.kind, service="", what=f"{one.name}, from {one.origin}") for one in unused),
+        *of_the_controller(steps),
         *sorted({fetch(url) for want in wants_of(saved) if (url := _url(want))}, key=lambda one: one.what),
         *(Permission(kind="playbook", service=want.id, what=_shown(want)) for want in strange),
     )
@@ -99,24 +107,6 @@ def _url(want: Resource) -> str:
     return want.params.url if isinstance(want.params, DataParams) else ""
 
 
-def check_underlay(saved: PlanFile, live: Mapping[str, str]) -> None:
-    """Refuse packets to where only a file of elsewhere says that a robot is.
-
-    `live` is robot -> its underlay address, of those that answer.
-
-    Raises:
-        RefusedError: Links would send to an address of a robot that does not answer, or the record would name it.
-    """
-    told = {robot: address for robot, address in underlays_of(saved).items() if live.get(robot) != address}
-    used = {vtep for want in wants_of(saved) for vtep in vteps_of(want)}
-    if strange := sorted(f"{address} for {robot}" for robot, address in told.items() if address in used):
-        raise RefusedError(
-            f"packets would go to {', '.join(strange)}, of which only this file says that it is there",
-            hint="apply it when that robot answers, or plan the EDF here",
-            code=Code.STRANGE_PLAN,
-        )
-
-
 def services_of(saved: PlanFile) -> Iterator[tuple[Resource, Service]]:
     """Return every resource that an EDF states as a service or a part of one, with that."""
     for want in wants_of(saved):
@@ -127,7 +117,11 @@ def services_of(saved: PlanFile) -> Iterator[tuple[Resource, Service]]:
 def _networks(saved: PlanFile) -> set[NetworkSettings]:
     """Return the overlays that a plan makes, as EDFs would ask for them."""
     every = [want.params for want in wants_of(saved)]
-    made = {NetworkSettings(subnet=one.subnet, port=one.port) for one in every if isinstance(one, NetworkParams)}
+    made = {
+        NetworkSettings(subnet=one.subnet, vni=one.vni, port=one.port)
+        for one in every
+        if isinstance(one, NetworkParams)
+    }
     return made | {NetworkSettings(persist=True) for one in every if isinstance(one, UnitParams)}
 
 

@@ -17,7 +17,7 @@ from srprov.definitions.model import Experiment, Service
 from srprov.errors import UsageError, did_you_mean
 from srprov.facts.model import Snapshot
 from srprov.modules import RUNNING
-from srprov.modules.container import container_name
+from srprov.modules.container_names import container_name
 from srprov.network.record import PlacementRecord, read_record
 from srprov.record.memory import digest, recall
 from srprov.resource import Observed

@@ -5,7 +5,9 @@ from __future__ import annotations
 import functools
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
+from srprov.codes import Code
 from srprov.controller.robot_files import is_record_path
+from srprov.errors import RefusedError
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.file import FileParams
 from srprov.modules.network import NetworkParams
@@ -164,3 +166,21 @@ def had_twice(wants: Sequence[Resource]) -> Iterator[str]:
     for end, some in sorted(found.items()):
         if len(some) > 1:
             yield f"{end}: {' and '.join(sorted(some))} would both have it"
+
+
+def check_underlay(saved: PlanFile, wants: Sequence[Resource], live: Mapping[str, str]) -> None:
+    """Refuse packets to where only a file of elsewhere says that a robot is.
+
+    `wants` is all that it wants; `live` is robot -> its underlay address, of those that answer.
+
+    Raises:
+        RefusedError: Links would send to an address of a robot that does not answer, or the record would name it.
+    """
+    told = {robot: address for robot, address in underlays_of(saved).items() if live.get(robot) != address}
+    used = {vtep for want in wants for vtep in vteps_of(want)}
+    if strange := sorted(f"{address} for {robot}" for robot, address in told.items() if address in used):
+        raise RefusedError(
+            f"packets would go to {', '.join(strange)}, of which only this file says that it is there",
+            hint="apply it when that robot answers, or plan the EDF here",
+            code=Code.STRANGE_PLAN,
+        )

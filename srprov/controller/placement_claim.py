@@ -17,6 +17,8 @@ from srprov.resource import Resource
 from srprov.untrusted import json_or_none, mapping
 
 _OVERLAY = ("subnet", "vni", "mtu", "port")
+_LONGEST = 100
+"""Characters of what a record says of a robot or service."""
 _KEYS = {"instance", "source", "robots", "services", "serial", *_OVERLAY}
 
 
@@ -65,18 +67,24 @@ class PlacementClaim:
 
     def _is_robot(self, name: str, told: Mapping[str, Any]) -> bool:
         # a later plan sends there what is for a robot that is away by then
-        if told.keys() != {"gateway", "vtep"} or told["vtep"] != self._underlays.get(name):
+        if told.keys() != {"gateway", "vtep"} or name not in self._underlays or told["vtep"] != self._underlays[name]:
             return False
         network = self._networks.get(name)
         # of a robot that is out of reach nothing is known but what the last record said
         return told["gateway"] == (network.gateway if network else "") or (
-            network is None and name in self._plan.unreachable
+            network is None and name in self._plan.unreachable and _is_short(told)
         )
 
     def _is_service(self, name: str, told: Mapping[str, Any]) -> bool:
         if name in self._endpoints:
             return told == self._endpoints[name]
-        return told.keys() == {"ip", "mac", "network", "robot"} and told["robot"] in self._plan.unreachable
+        known = told.keys() == {"ip", "mac", "network", "robot"} and _is_short(told)
+        return known and told["robot"] in self._plan.unreachable
+
+
+def _is_short(told: Mapping[str, Any]) -> bool:
+    """Return whether it is no longer than what a record says: what is read of all records of a robot has an end."""
+    return all(isinstance(one, str) and len(one) <= _LONGEST for one in told.values())
 
 
 def misplaced(plan: Plan, wants: Sequence[Resource]) -> Iterator[str]:

@@ -59,6 +59,9 @@ def check_claim(saved: PlanFile, snapshot: Snapshot, *, adopt: bool) -> None:
     elif saved.limit or saved.targets:
         what = "has only some of the steps that follow from it (--limit, --exclude, --target)"
         hint = "have all of its EDF planned"
+    elif elsewhere := sorted({*saved.plan.assignment.values()} - saved.fingerprints.keys()):
+        what = f"would have services of a new instance on robots that it knows nothing of: {', '.join(elsewhere)}"
+        hint = "have its EDF planned while these answer"
     else:
         return
     raise RefusedError(

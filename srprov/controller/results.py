@@ -125,7 +125,8 @@ def _seen(at: str, entries: list[Entry], mounts: Sequence[str]) -> list[Entry]:
 
     The container did not see that.
     """
-    entries = [one for one in entries if one.kind != MOUNT or posixpath.join(at, one.path) not in mounts]
+    places = frozenset(mounts)
+    entries = [one for one in entries if one.kind != MOUNT or posixpath.join(at, one.path) not in places]
     paths = [posixpath.join(at, one.path) for one in entries] if mounts else []
     hidden = bytearray(len(entries))
     for mount in mounts:

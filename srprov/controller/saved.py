@@ -13,12 +13,13 @@ from msgspec.structs import replace
 import srprov
 from srprov.codes import Code
 from srprov.controller import authority
-from srprov.controller.authority import check_copies, check_underlay, services_of, wants_of
+from srprov.controller.authority import check_copies, services_of, wants_of
 from srprov.controller.data_owner import check_saved, refuse_labels, remember_owner
 from srprov.controller.data_sets import refuse_files
 from srprov.controller.fleet import Fleet
 from srprov.controller.image_builders import check_builders, counted, proofs_of
 from srprov.controller.old_values import as_reviewed, with_differences, without_old_lines
+from srprov.controller.overlay_claim import check_underlay
 from srprov.controller.overlay_notes import notes_of_a_plan_from_elsewhere
 from srprov.controller.ownership import check_source, looking, makers_of, owned
 from srprov.controller.permissions import require_decided
@@ -115,19 +116,16 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
         StalePlan: Names what moved on which robot.
         UsageError: A robot of the plan is not in the inventory; or the file's steps are not those that follow.
         RefusedError: Another source made the instance, and `adopt` does not take it over; or the file was not written
-            here, and would change an instance that is there, use data, or send packets to a robot out of reach.
+            here, and would change what is there, use data, or send packets to a robot out of reach.
     """
-    missing = sorted(set(saved.fingerprints) - set(fleet.inventory.hosts))
-    if missing:
-        raise UsageError(
-            f"the plan is for robots that are not in the inventory: {', '.join(missing)}",
-            hint="use the inventory that the plan was made with, or plan again",
-            code=Code.PLAN_MISFIT,
-        )
+    if missing := sorted(saved.fingerprints.keys() - fleet.inventory.hosts.keys()):
+        why = f"the plan is for robots that are not in the inventory: {', '.join(missing)}"
+        hint = "use the inventory that the plan was made with, or plan again"
+        raise UsageError(why, hint=hint, code=Code.PLAN_MISFIT)
     owners = provers(saved)
-    # who wrote a file elsewhere may leave out a robot that has the instance
-    hosts = sorted(saved.fingerprints if owners or signed else fleet.inventory.hosts)
-    part = replace(fleet.inventory, hosts={name: fleet.inventory.hosts[name] for name in hosts})
+    unknown = not (owners or signed)  # who wrote it may leave out a robot that has the instance
+    asked = [name for name in fleet.inventory.hosts if unknown or name in saved.fingerprints]
+    part = replace(fleet.inventory, hosts={name: fleet.inventory.hosts[name] for name in asked})
     wants = wants_of(saved)
     with Gathering(part, fleet.sessions.get, engine=True, forks=fleet.forks) as look:
         snapshot = look.probe(look.closer(Detail.ENGINE), wants)
@@ -153,7 +151,7 @@ def _check_elsewhere(
     check_copies(saved, ours, snapshot.facts)
     refuse_files(wants)
     refuse_labels(wants, trusted=adopt or signed)
-    check_underlay(saved, {robot: facts.underlay_address for robot, facts in snapshot.facts.items()})
+    check_underlay(saved, wants, {robot: facts.underlay_address for robot, facts in snapshot.facts.items()})
     if not signed:
         check_builders([step.want for step in saved.plan.steps if step.want], inventory, snapshot)
         check_claim(saved, snapshot, adopt=adopt)

@@ -12,7 +12,7 @@ from srprov.controller.robot_images import image_of
 from srprov.definitions.containermodel import Mount, Runtime
 from srprov.definitions.model import Experiment, Service
 from srprov.definitions.trialsmodel import folder_of
-from srprov.modules.container import container_name
+from srprov.modules.container_names import container_name
 from srprov.modules.differences import ELSEWHERE
 from srprov.modules.module import OWN_HOSTS, STATE_ROOT
 from srprov.modules.network import network_hash

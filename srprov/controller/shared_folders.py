@@ -10,7 +10,7 @@ import re
 from bisect import bisect_left
 from collections.abc import Collection, Iterable, Iterator, Mapping
 
-from srprov.modules.module import INSTANCE
+from srprov.modules.container_names import instance_of
 from srprov.modules.mount_place import led_of
 from srprov.untrusted import absolute, mapping, mappings, string, string_map, text
 from srprov.wire import EngineQuery, Reply
@@ -64,7 +64,7 @@ def _users(items: Iterable[object], instance: str) -> tuple[dict[str, dict[str, 
     is_whole = True
     for item in map(mapping, items):
         labels = string_map(item.get("Labels"))
-        if labels.get(INSTANCE) == instance:
+        if instance_of(item) == instance:
             continue
         names = item.get("Names")
         name = string(names[0]).removeprefix("/") if isinstance(names, list) and names else string(item.get("Id"))[:12]

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec.structs import replace
 
+from srprov.modules.container_names import instance_of
 from srprov.names import few
 from srprov.session import Reader
 from srprov.snapshot.changes import changes, changes_query
@@ -30,7 +31,6 @@ from srprov.untrusted import (
     mapping,
     mappings,
     string,
-    string_map,
     strings,
     text,
 )
@@ -49,7 +49,6 @@ MOST_INSPECTED = 8 << 20
 """Characters of what an engine says of all containers and their images; of one they are some ten thousand."""
 LONGEST_S = 600.0
 """Until no further container of a robot is asked about: each answer may take its time."""
-_INSTANCE = "srprov.instance"
 _RUNS = ("running", "paused", "restarting")
 _SHOWN = 6
 
@@ -120,7 +119,7 @@ def _chosen(listed: Reply, notes: Notes) -> list[tuple[str, str]]:
     for one in mappings(listed.json()):
         identity, image = string(one.get("Id")), string(one.get("ImageID"))
         subject = f"container {text(next(iter(strings(one.get('Names'))), identity[:12]), length=80).lstrip('/')}"
-        instance = string_map(one.get("Labels")).get(_INSTANCE, "")
+        instance = instance_of(one)
         if not _ID.fullmatch(identity) or not _IMAGE.fullmatch(image):
             notes.lost(subject, "the engine gives it no id, or no image")
         elif instance:

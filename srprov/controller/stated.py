@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.dockerfile import fetches, images_of
@@ -10,8 +10,10 @@ from srprov.definitions.model import Service
 from srprov.definitions.nested import nested
 from srprov.modules.container_form import service_of, stands_on
 from srprov.modules.container_params import ContainerParams
+from srprov.modules.differences import ELSEWHERE
 from srprov.modules.image import ImageParams
 from srprov.modules.secret import SecretParams
+from srprov.planning.policy import Permission
 from srprov.resource import Condition, Resource, resource_id
 
 
@@ -65,3 +67,17 @@ def sent_for_nobody(wants: Collection[Resource], placed: Collection[tuple[str, S
     """Return the secrets that go to a robot where no container of the plan has them."""
     sent = {(one.host, one.params.name) for one in wants if isinstance(one.params, SecretParams)}
     return sorted({name for _, name in sent - {(robot, use.source) for robot, one in placed for use in one.secrets}})
+
+
+def of_the_controller(steps: Sequence[Resource]) -> Iterator[Permission]:
+    """Yield what it takes that containers have values of the controller's environment, or files from elsewhere.
+
+    What they are said to have of these, later plans and records hide.
+    """
+    for want in steps:
+        for name in want.params.taken if isinstance(want.params, ContainerParams) else ():
+            if name == ELSEWHERE:
+                yield Permission(kind="outside", service=want.params.service, what="files from elsewhere")
+            else:
+                what = f"{name}, from the controller's environment"
+                yield Permission(kind="env", service=want.params.service, what=what)

@@ -18,6 +18,7 @@ MOST_NAMES = 24 << 20
 several forms, and written down."""
 MOUNT, UNREAD = "M", "U"
 """Kinds of entries that `find` does not say."""
+_MOST_MOUNTS = 256
 _LONGEST_WORD = 8192
 _LONGEST_LINK = 256
 """Bytes of where a link leads, which is only told."""
@@ -126,6 +127,8 @@ class Listing:
 def _seen(entries: list[Entry]) -> list[Entry]:
     """Leave out what lies below the place of a mount, which hides it from the container."""
     mounts = tuple(f"{one.path}/" for one in entries if one.kind == MOUNT)
+    if len(mounts) > _MOST_MOUNTS:
+        raise ListingError(f"there are more than {_MOST_MOUNTS} mounts in it")
     return [one for one in entries if not one.path.startswith(mounts)] if mounts else entries
 
 

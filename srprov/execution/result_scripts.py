@@ -17,8 +17,8 @@ WHY = {
 """Exit statuses with a meaning of their own."""
 _LIST = (
     f"find . -prune -printf '' && sha256sum -z /dev/null >/dev/null || exit {_NO_TOOLS}; exec 3>&1; "
-    "if LC_ALL=C find \"$what\" -xdev ! -type d -printf '%y %s %p\\0%l\\0' 2>&1 >&3 | grep -qv "
-    "': No such file or directory$'; then printf 'U 0 %s\\0\\0' \"${what%/}/.\"; fi; printf 'H\\0'; "
+    "odd=$(LC_ALL=C find \"$what\" -xdev ! -type d -printf '%y %s %p\\0%l\\0' 2>&1 >&3 | grep -cv "
+    "': No such file or directory$'); [ \"$odd\" = 0 ] || printf 'U 0 %s\\0\\0' \"${what%/}/.\"; printf 'H\\0'; "
     'find "$what" -xdev -type f -print0 | nice xargs -0 -r sha256sum -z --'
 )
 """What went while it was listed is left out; what cannot be looked into is said (`U`)."""

@@ -39,7 +39,9 @@ def unfit(step: Step, session: Session) -> Reply | None:
     why = _other(want, reply) or _too_much(reply)
     if not why:
         return None
-    session.execute(EngineCall(method="DELETE", path=f"/images/{step.name}", accept=(200, 404, 409)))
+    # what it was built on, and has no name, may be somebody else's
+    keep = (("noprune", "true"),)
+    session.execute(EngineCall(method="DELETE", path=f"/images/{step.name}", params=keep, accept=(200, 404, 409)))
     return Reply(status=0, ok=False, err=f"{step.name}: {why}")
 
 

@@ -94,7 +94,7 @@ def parse_host(
     identity: OsIdentity = said["identity"]
     files: Files = said["files"]
     arch = _arch(identity)
-    links = with_speeds(said["links"], files, said["wireless"], measures)
+    links = (*with_speeds(said["links"], files, said["wireless"], measures), *said["hidden"])
     underlay = find_underlay(host, links, said["routes"], identity.reached_at)
     devices = said["devices"]
     facts = HostFacts(

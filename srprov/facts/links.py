@@ -14,10 +14,11 @@ from ipaddress import IPv4Address, IPv4Network, IPv6Address, ip_address, ip_inte
 from typing import Any
 
 import msgspec
+from msgspec.structs import replace
 
 from srprov.definitions.model import Host
 from srprov.facts.model import Link
-from srprov.untrusted import LIST_LENGTH, integer, json_or_none, mapping, mappings, text
+from srprov.untrusted import LIST_LENGTH, integer, json_or_none, lines_of, mapping, mappings, text
 
 _NAME = re.compile(r"[^\s/\x00-\x1f\x7f]{1,15}")
 _MAC = re.compile(r"[0-9a-f]{2}(:[0-9a-f]{2}){5}")
@@ -53,6 +54,22 @@ def parse_links(out: str) -> tuple[Link, ...]:
             found[name] = _link(name, item, left)
             left -= len(found[name].addresses)
     return tuple(found[name] for name in sorted(found))
+
+
+HIDDEN = """\
+for n in /run/docker/netns/1-*; do
+  [ ! -e "$n" ] || nsenter --net="$n" ip -j -d link show type vxlan 2>/dev/null
+done
+:"""
+"""Shows the VXLAN links of Docker Swarm's overlays, which it keeps in network namespaces of their own. The kernel has
+their VNIs count in the robot's, where they were made. Only root may look."""
+
+
+def parse_hidden(out: str) -> tuple[Link, ...]:
+    """Read the answer to `HIDDEN`, a list in each line; the links get names of their own."""
+    items = [one for line in lines_of(out, LIST_LENGTH) for one in mappings(json_or_none(line), most=LIST_LENGTH)]
+    found = (_link(f"swarm-{number}", item, 0) for number, item in enumerate(items[:LIST_LENGTH], 1))
+    return tuple(replace(link, up=False, alias="") for link in found if link.kind == "vxlan")
 
 
 def _link(name: str, item: Mapping[str, Any], most: int) -> Link:

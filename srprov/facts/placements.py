@@ -16,13 +16,15 @@ from msgspec.structs import replace
 from srprov import names
 from srprov.facts.model import MOST_SERIAL
 from srprov.modules.module import STATE_ROOT
+from srprov.robot_answers import TooManyError
 from srprov.untrusted import LIST_LENGTH, integer, json_or_none, lines_of, mapping, string
 from srprov.wire import Reply
 
 RECORDS = f"{STATE_ROOT}/*/placement.json"
 """Where they are; `probes.py` asks for them, with other files."""
 _RECORD = re.compile(rf"{STATE_ROOT}/[^/:]{{1,64}}/placement\.json:")
-_SIZE_LIMIT = 1_000_000
+_SIZE_LIMIT = 4 << 20
+"""Characters of all records; one of a thousand services has some 130,000."""
 _MOST_LINES = 8192
 """Of all files."""
 _PARTS = {"services": ("ip", "mac", "network", "robot"), "robots": ("gateway", "vtep")}
@@ -30,9 +32,17 @@ _NUMBERS = ("mtu", "port", "vni")
 
 
 def parse_placements(reply: Reply) -> dict[str, Mapping[str, Any]]:
-    """Return instance -> its record, from the reply to `FILES` of `probes.py`; of two the newer."""
-    lines = lines_of(reply.out[:_SIZE_LIMIT], _MOST_LINES)
-    return read_placements(line[at.end() :] for line in lines if (at := _RECORD.match(line)))
+    """Return instance -> its record, from the reply to `FILES` of `probes.py`; of two the newer.
+
+    Raises:
+        TooManyError: There is more than is read: one record that is very long would hide those of other instances.
+    """
+    lines = lines_of(reply.out, _MOST_LINES + 1)
+    texts = [line[at.end() :] for line in lines if (at := _RECORD.match(line))]
+    if len(lines) > _MOST_LINES or sum(map(len, texts)) > _SIZE_LIMIT:
+        largest = max((line for line in lines if _RECORD.match(line)), key=len, default="").partition(":")[0]
+        raise TooManyError(f"its placement records are more than {_SIZE_LIMIT >> 20} MiB; the longest is {largest}")
+    return read_placements(texts)
 
 
 def without_records(reply: Reply) -> Reply:

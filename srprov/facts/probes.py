@@ -26,7 +26,7 @@ from srprov.facts.answers import (
     parse_wireless,
 )
 from srprov.facts.lifelines import NAME_FILES, TIME_FILES
-from srprov.facts.links import parse_links, parse_routes
+from srprov.facts.links import HIDDEN, parse_hidden, parse_links, parse_routes
 from srprov.facts.placements import RECORDS
 from srprov.wire import EngineQuery, Query
 
@@ -137,6 +137,7 @@ PROBES = (
     Probe("disk", _DISK, parse_disk),
     Probe("wireguard", wireguard.COMMAND, wireguard.parse_wireguard),
     Probe("rules", rules.COMMAND, rules.parse_rules),
+    Probe("hidden", HIDDEN, parse_hidden),
 )
 """In the order of asking."""
 PING = EngineQuery(path="/_ping", headers=True)

@@ -13,8 +13,8 @@ from collections.abc import Iterator, Sequence
 from ipaddress import ip_address
 
 from srprov.facts.model import TakenPort
-from srprov.modules.module import INSTANCE
-from srprov.untrusted import LIST_LENGTH, integer, lines_of, mappings, string, string_map, text
+from srprov.modules.container_names import instance_of
+from srprov.untrusted import LIST_LENGTH, integer, lines_of, mappings, string, text
 from srprov.wire import AnyQuery, EngineQuery, Query, Reply
 
 QUERIES: tuple[AnyQuery, ...] = (
@@ -57,7 +57,7 @@ def _of_containers(reply: Reply) -> Iterator[TakenPort]:
                     port=public,
                     protocol=protocol,
                     by=f"container {name}",
-                    instance=string_map(item.get("Labels")).get(INSTANCE, ""),
+                    instance=instance_of(item),
                 )
 
 

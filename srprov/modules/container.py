@@ -20,6 +20,7 @@ from srprov.modules.container_commands import creation, hashes, looks, remove, s
 from srprov.modules.container_leftover import BUILD, end_process, left_by_build
 from srprov.modules.container_limits import QUERY as LIMITS
 from srprov.modules.container_limits import changed_limits, limits_of
+from srprov.modules.container_names import container_name, instance_of
 from srprov.modules.container_orders import not_ordered, ordered_commands
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.container_status import reached
@@ -51,11 +52,6 @@ _NEVER_RUN = {
 """State of a container that is made anew -> the cause of that."""
 _STATE = re.compile(r"[a-z]{1,20}")
 _HEALTH = re.compile(r"\((healthy|unhealthy|health: starting)\)")
-
-
-def container_name(instance: str, service: str) -> str:
-    """Return the name of a service's container; an instance holds no dot, so two instances never meet."""
-    return f"srprov.{instance}.{service}"
 
 
 class ContainerModule(Module[ContainerParams]):
@@ -180,15 +176,13 @@ def _stop_and_remove(name: str, state: State) -> tuple[Command, ...]:
 
 def _parse_one(item: Mapping[str, Any], limits: Mapping[str, Mapping[str, str]]) -> Observed | None:
     labels = string_map(item.get("Labels"))
-    names = item.get("Names")
     if labels.get(INSTANCE) == BUILD:
         return left_by_build(item, _state_of(item, {}))
-    # whoever runs an image that was committed from a container of ours inherits its labels, but not its name
-    name = container_name(labels.get(INSTANCE, ""), labels.get(SERVICE, ""))
-    if INSTANCE not in labels or not isinstance(names, list) or f"/{name}" not in names:
+    if not (instance := instance_of(item)):
         return None
     state = {**_state_of(item, labels), "limits": limits.get(string(item.get("Id")), {})}
-    return Observed(module="container", name=name, instance=labels[INSTANCE], state=state)
+    name = container_name(instance, labels.get(SERVICE, ""))
+    return Observed(module="container", name=name, instance=instance, state=state)
 
 
 def _state_of(item: Mapping[str, Any], labels: Mapping[str, str]) -> dict[str, Any]:

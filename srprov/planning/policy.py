@@ -17,7 +17,7 @@ from srprov.definitions.model import Experiment, NetworkSettings, Service
 from srprov.errors import RefusedError
 from srprov.image_reference import parse_reference
 from srprov.modules.mount_kind import GRAVE, below, holds_data, mount_kind, written_by
-from srprov.network.identity import is_for_overlays
+from srprov.network.identity import VNI_FIRST, is_for_overlays
 from srprov.planning.graver import (
     AS_ROOT,
     ELSEWHERE,
@@ -147,6 +147,9 @@ def _of_network(settings: NetworkSettings) -> Iterator[Permission]:
     if settings.subnet is not None and not is_for_overlays(settings.subnet):
         what = f"{settings.subnet} leads into the overlay on every robot, not to who has these addresses outside"
         yield Permission(kind="host-network", service="network.subnet", what=noted(what, ELSEWHERE))
+    if settings.vni is not None and settings.vni < VNI_FIRST:
+        what = f"{settings.vni} may be the VNI of an overlay that a robot does not show, such as Docker Swarm's"
+        yield Permission(kind="host-network", service="network.vni", what=what)
     if settings.port < _FIRST_FREE_PORT:
         yield Permission(kind="low-port", service="network.port", what=f"{settings.port}/udp, on every robot")
     if settings.persist:

@@ -62,7 +62,8 @@ def files_of(session: EngineStreams, container: str, engine: ContainerFiles) -> 
         said = f"{container} cannot be looked at: {inspected.err or 'its engine does not know it'}"
         raise TransportError(session.host, said, hint="srprov status lists what is there", code=Code.ENGINE)
     found = container_view.about(inspected.json())
-    return engine if _alone(session, found) else FolderFiles(session, container, found)
+    # a container that ran when this began may have ended since
+    return engine if session.holds_lock and _alone(session, found) else FolderFiles(session, container, found)
 
 
 def _alone(session: EngineStreams, one: About) -> bool:

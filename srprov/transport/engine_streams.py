@@ -28,6 +28,11 @@ class EngineStreams(abc.ABC):
     def host(self) -> str:
         """The robot's name in the inventory."""
 
+    @property
+    @abc.abstractmethod
+    def holds_lock(self) -> bool:
+        """Whether this session holds the robot's lock."""
+
     @abc.abstractmethod
     def ask(self, queries: Sequence[AnyQuery]) -> Sequence[Reply]:
         """Ask shell and engine; see `session.Reader`."""

@@ -171,6 +171,11 @@ class BaseSession(EngineStreams, abc.ABC):
             threading.Thread(target=self.engine.warm_client, name="warm engine", daemon=True).start()
         return channel
 
+    @property
+    def holds_lock(self) -> bool:
+        """Whether this session holds the robot's lock."""
+        return self._lock_channel is not None and self._lock_channel.held
+
     def _contact_lost(self, error: TransportError) -> None:
         """Remember why, and end everything: whoever waits for an answer is woken by that."""
         self._lost = error

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from srprov.session import Streams
 
 _GOODBYE_S = 2.0
+_LOCKED = "locked"
+"""What the script says once it has the lock."""
 _LONGEST = 16 * 1024
 """Bytes of a line; the longest holds what others wrote into the holder's file, of which the script takes 2000."""
 _HINT = "is the robot up, and its network? what was running there is ended by the robot itself; apply again"
@@ -45,6 +47,7 @@ class HeartbeatChannel:
         self._heard = now()
         self._received = bytearray()
         self.first_answer = ""
+        self._held = False
         self.sshd_pid = ""
         """The connection's process on the robot, which the script ends too; empty if unknown, or when it is over."""
 
@@ -59,6 +62,7 @@ class HeartbeatChannel:
             heard = self._heard
             with self._lock:
                 self.first_answer = self._exchange("", self._pulse.controller_s)
+                self._held = self.first_answer == _LOCKED
                 self._heard = heard  # the robot's end has waited since then, however late its words came
         except TransportError:
             self._over.set()
@@ -74,7 +78,14 @@ class HeartbeatChannel:
         """
         with self._lock:
             self._traffic.round_trips += 1
-            return self._exchange(text, self._pulse.controller_s)
+            answer = self._exchange(text, self._pulse.controller_s)
+            self._held = answer == _LOCKED or (self._held and text != "f")
+            return answer
+
+    @property
+    def held(self) -> bool:
+        """Whether the robot is locked by this."""
+        return self._held and not self._over.is_set()
 
     def check(self) -> None:
         """Make sure that the robot's end is there, without asking it; a channel that was closed is never lost.

@@ -242,12 +242,12 @@ def test_a_plan_file_tells_the_values_and_cannot_lie() -> None:
     step = next(step for step in json.loads(text)["steps"] if step["module"] == "container")
     assert step["differences"] == [{"field": "environment.RATE", "old": "2", "new": "4"}]
 
-    checked = check_plan(load(text, "plan.json"), fleet(world), adopt=True)
+    checked = check_plan(load(text, "plan.json"), fleet(world), adopt=True, signed=True)
     assert told(checked.plan) == {"environment.RATE": ("2", "4")}
 
     forged = load(text.replace('"old": "2"', '"old": "3"'), "plan.json")
     with pytest.raises(UsageError, match="differences 0 old: was 3, is 2"):
-        check_plan(forged, fleet(world), adopt=True)
+        check_plan(forged, fleet(world), adopt=True, signed=True)
 
 
 def test_a_file_without_values_is_as_good() -> None:
@@ -258,7 +258,7 @@ def test_a_file_without_values_is_as_good() -> None:
     steps = tuple(replace(step, differences=()) for step in saved.plan.steps)
     old = load(dump(replace(saved, plan=replace(saved.plan, steps=steps))), "plan.json")
 
-    assert told(check_plan(old, fleet(world), adopt=True).plan) == {"environment.RATE": ("2", "4")}
+    assert told(check_plan(old, fleet(world), adopt=True, signed=True).plan) == {"environment.RATE": ("2", "4")}
 
 
 def test_what_a_file_hides_stays_hidden() -> None:
@@ -269,7 +269,7 @@ def test_what_a_file_hides_stays_hidden() -> None:
     assert "canary" not in text
     forget()
 
-    checked = check_plan(load(text, "plan.json"), fleet(world), adopt=True)
+    checked = check_plan(load(text, "plan.json"), fleet(world), adopt=True, signed=True)
 
     assert told(checked.plan) == {"environment.A": ("is ***", "plain")}
 
@@ -323,7 +323,7 @@ def test_a_stale_plan_names_values() -> None:
     assert apply(world, theirs).exit_code == 0
 
     with pytest.raises(StalePlan) as refused:
-        check_plan(saved, fleet(world), adopt=True)
+        check_plan(saved, fleet(world), adopt=True, signed=True)
 
     lines = refused.value.message.splitlines()
     assert "  r1: container:srprov.hello.web: environment.RATE: was 2, is 3" in lines
@@ -386,10 +386,11 @@ def test_what_changes_in_srprovs_own_files_is_shown_of_a_plan_from_elsewhere(
     assert change is not None
     saved = load(text, "plan.json")
     steps = tuple(replace(one, want=want, change=change) if one == step else one for one in saved.plan.steps)
-    shown = plan_text(check_plan(replace(saved, plan=replace(saved.plan, steps=steps)), fleet(world), adopt=True).plan)
+    theirs = replace(saved, plan=replace(saved.plan, steps=steps))
+    shown = plan_text(check_plan(theirs, fleet(world), adopt=True, signed=True).plan)
     assert f"\n        +{line}\n".replace("\t", "\\t") in shown
     assert "placement.json" not in shown
-    assert "203.0.113.9" not in plan_text(check_plan(saved, fleet(world), adopt=True).plan)
+    assert "203.0.113.9" not in plan_text(check_plan(saved, fleet(world), adopt=True, signed=True).plan)
 
 
 def test_what_is_in_a_new_file_of_srprovs_own_is_shown_of_a_plan_from_elsewhere() -> None:
@@ -405,7 +406,7 @@ def test_what_is_in_a_new_file_of_srprovs_own_is_shown_of_a_plan_from_elsewhere(
     change = MODULES["file"].check(want.name, want.params, None)
     assert change is not None
     steps = tuple(replace(one, want=want, change=change) if one == step else one for one in saved.plan.steps)
-    plan = check_plan(replace(saved, plan=replace(saved.plan, steps=steps)), fleet(world), adopt=True).plan
+    plan = check_plan(replace(saved, plan=replace(saved.plan, steps=steps)), fleet(world), adopt=True, signed=True).plan
     assert "\n        +203.0.113.9\\tdb\n" in plan_text(plan)
     assert "placement.json" not in plan_text(plan)
     assert "content:" not in plan_text(plan_for(world, moved))

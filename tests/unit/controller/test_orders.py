@@ -141,7 +141,7 @@ def test_the_record_of_an_order_can_be_applied_by_nobody() -> None:
     saved = load(dump(plan_file(ordered(w, "stop", "top"))), "plan.json")
     with pytest.raises(UsageError, match=r"the plan's steps are not those that srprov derives|contradicts itself"):
         check_file(saved, "plan.json")
-        check_plan(saved, fleet(w), adopt=True)
+        check_plan(saved, fleet(w), adopt=True, signed=True)
 
 
 JOB = experiment(service("a", robot="r1", job=True), service("b", robot="r2", depends_on={"a": "completed"}))
@@ -191,7 +191,7 @@ def test_a_plan_from_a_file_leaves_what_failed_alone_too() -> None:
     w = failed_job()
     whole = made(w, Definitions(experiment=JOB, containers={}), PlanRequest(exact=True, adopt=True))
     saved = load(dump(plan_file(replace(whole, definitions=None))), "plan.json")
-    assert check_plan(saved, fleet(w), adopt=True).plan.steps == whole.plan.steps
+    assert check_plan(saved, fleet(w), adopt=True, signed=True).plan.steps == whole.plan.steps
 
 
 def test_an_unhealthy_service_is_named_and_counts_neither_as_right_nor_as_a_step() -> None:

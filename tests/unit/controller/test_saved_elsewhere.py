@@ -10,6 +10,7 @@ import pytest
 from msgspec.structs import replace
 
 from srprov.controller import plan as planning
+from srprov.controller import services
 from srprov.controller.authority import asked, check_file
 from srprov.controller.owners import owners_folder
 from srprov.controller.saved import check_plan, kept_plan
@@ -135,6 +136,36 @@ def test_a_new_instance_is_made_whole_and_only_with_adopt(world: World) -> None:
     silent = replace(limited, plan=replace(limited.plan, notes=(), unchanged=7777))
     signed = check_plan(silent, fleet(world), signed=True).plan
     assert any("left out by --limit or --exclude" in note for note in signed.notes) and signed.unchanged < 100
+
+
+@pytest.mark.parametrize("lie", ["a robot that is nowhere", "words without end"])
+def test_a_new_instance_has_nothing_on_robots_that_the_plan_does_not_know(world: World, lie: str) -> None:
+    """Its record could say anything of them, at any length: the records of other instances were read no more."""
+    true = planning.record
+
+    def lying(*args: Any, **more: Any) -> dict[str, Any]:
+        said = copy.deepcopy(true(*args, **more))
+        ip = "" if lie.startswith("a robot") else "x" * 1_000_001
+        said["services"]["away"] = {"ip": ip, "mac": "", "network": "overlay", "robot": "r9"}
+        said["robots"]["r9"] = {"gateway": "", "vtep": None}
+        return said
+
+    with mock.patch.object(planning, "record", lying):
+        saved = kept_plan(planned(world, NEW))
+    plan = replace(saved.plan, assignment={**saved.plan.assignment, "away": "r9"}, unreachable={"r9": "no answer"})
+    saved = replace(saved, plan=plan, proof="")
+    assert "playbook" in {one.kind for one in asked(saved)}
+    with pytest.raises(RefusedError, match="robots that it knows nothing of: r9"):
+        check_plan(saved, fleet(world), adopt=True)
+
+
+def test_what_containers_are_said_to_have_of_the_controller_is_asked_for(world: World) -> None:
+    """A later plan, and records, hide what stands there."""
+    with mock.patch.object(services, "_taken", lambda *_: ["*", "LD_PRELOAD"]):
+        saved = replace(kept_plan(planned(world, NEW)), proof="")
+    assert {"env", "outside"} <= {one.kind for one in asked(saved)}
+    with pytest.raises(UsageError, match="asks for env"):
+        check_file(replace(saved, plan=replace(saved.plan, permissions=())), "plan.json")
 
 
 def test_robots_that_a_file_calls_away_are_asked(world: World) -> None:

@@ -42,9 +42,15 @@ def test_one_that_only_reads_is_told_of_those_that_write() -> None:
 
 def test_neither_its_own_experiment_nor_other_folders_count() -> None:
     assert (
-        said("/srv/ws", container("x", "/srv/ws", instance="nav"), container("y", "/srv/w", "/srv/ws2", "/etc")) == []
+        said(
+            "/srv/ws",
+            container("srprov.nav.x", "/srv/ws", instance="nav", service="x"),
+            container("y", "/srv/w", "/srv/ws2", "/etc"),
+        )
+        == []
     )
-    assert said("/srv/ws", container("x", "/srv/ws", instance="other"))
+    assert said("/srv/ws", container("srprov.other.x", "/srv/ws", instance="other", service="x"))
+    assert said("/srv/ws", container("tool", "/srv/ws", instance="nav", service="x")), "its image has these labels"
 
 
 def test_where_a_link_led_counts_too() -> None:

@@ -110,7 +110,7 @@ def test_containers_of_several_robots_are_services_with_names_of_their_own(tmp_p
     boxes = [
         box(1, "cam"),
         {**box(2, "old"), "State": "exited"},
-        {**box(3, "srprov.x.y"), "Labels": {"srprov.instance": "x"}},
+        {**box(3, "srprov.x.y"), "Labels": {"srprov.instance": "x", "srprov.service": "y"}},
     ]
     document, edf, _ = taken(tmp_path / "out", r1=Robot(boxes=boxes), r2=Robot(boxes=[box(4, "cam")]), r3=None)
     assert set(edf["services"]) == {"cam-r1", "cam-r2", "r1-host", "r2-host"}

@@ -163,10 +163,19 @@ def test_a_disk_that_the_container_mounts_by_itself_comes_with_it(root: Path, di
     assert {one.path: one.failed for some in found.values() for one in some} == dict.fromkeys(came, False)
 
 
+def test_a_listing_of_mounts_alone_has_an_end() -> None:
+    """Each is compared with each file."""
+    every = b"".join(b"M 0 ./m%d\0\0" % number for number in range(300))
+    with pytest.raises(ListingError, match="more than 256 mounts"):
+        Listing(1).feed(every + b"H\0=0\0")
+
+
 def test_a_folder_that_cannot_be_read_is_told(root: Path, tmp_path: Path) -> None:
     """Such as one of root's, where another user logs in, or one that a network's disk does not give to root."""
     (root / "closed" / "deep").mkdir(parents=True)
     (root / "closed" / "bag").write_text("data")
+    for number in range(9):
+        (root / f"closed{number}").mkdir(mode=0)
     (root / "open").write_text("data")
     os.chmod(root / "closed", 0)
     machine = Machine()

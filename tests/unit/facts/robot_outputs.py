@@ -235,7 +235,7 @@ Filesystem           1024-blocks    Used Available Capacity Mounted on
 
 def replies(robot: dict[str, str], ping: object = PING, info: object = INFO) -> list[Reply]:
     """Return the replies in the order of `host_queries`; with `ping` None there is no engine."""
-    shell = [Reply(status=0, out=robot[probe.name]) for probe in PROBES]
+    shell = [Reply(status=0, out=robot.get(probe.name, "")) for probe in PROBES]
     if ping is None:
         engine = [Reply(status=0, err="no Docker Engine listens on /var/run/docker.sock", ok=False)] * len(ENGINE)
     else:

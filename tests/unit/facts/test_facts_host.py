@@ -25,8 +25,11 @@ from robot_outputs import (
 from srprov.definitions.model import Host
 from srprov.facts.answers import parse_files
 from srprov.facts.host import docker_arch, host_queries, parse_host, with_closer
+from srprov.facts.links import parse_hidden
+from srprov.facts.placements import parse_placements
 from srprov.facts.probes import FILES
 from srprov.facts.spelled import HOSTS, MOST_LINES, read_spelled
+from srprov.robot_answers import TooManyError
 from srprov.session import Measures
 from srprov.wire import EngineQuery, Query, Reply
 
@@ -450,3 +453,29 @@ def test_a_failed_command_still_counts_with_what_it_said() -> None:
     answers = replies(COMPUTER)
     answers[0] = Reply(status=1, out=answers[0].out, err="x", ok=False)
     assert parse_host(HOST, answers, None).arch == "amd64"
+
+
+def test_the_overlays_of_docker_swarm_are_seen_where_it_keeps_them() -> None:
+    """Their VNIs are taken on the robot, which shows no link of them: packets went into another overlay."""
+    one = {"ifname": "vxlan0", "mtu": 1450, "linkinfo": {"info_kind": "vxlan", "info_data": {"id": 4097, "port": 4789}}}
+    other = {**one, "ifname": "br0", "linkinfo": {"info_kind": "bridge"}}
+    found = parse_hidden(f"{json.dumps([one])}\nnonsense\n{json.dumps([other, one])}\n")
+    assert [(link.name, link.vni, link.port, link.up) for link in found] == [
+        ("swarm-1", 4097, 4789, False), ("swarm-3", 4097, 4789, False),
+    ]  # fmt: skip
+    assert parse_hidden("") == ()
+
+
+def test_no_record_hides_those_of_other_instances() -> None:
+    """The first million characters of all were read: whose name came first could have its robots forget the others."""
+
+    def line(instance: str, length: int) -> str:
+        record = {"instance": instance, "serial": 1, "services": {"a": {"ip": "x" * length, "robot": "r1"}}}
+        return f"/var/lib/srprov/{instance}/placement.json:{json.dumps(record)}\n"
+
+    said = Reply(status=0, out=line("0", 1_100_000) + line("hello", 10))
+    assert set(parse_placements(said)) == {"0", "hello"}
+    with pytest.raises(TooManyError, match=r"more than 4 MiB; the longest is /var/lib/srprov/0/placement\.json"):
+        parse_placements(Reply(status=0, out=line("0", 4_200_000) + line("hello", 10)))
+    with pytest.raises(TooManyError):
+        parse_placements(Reply(status=0, out="x\n" * 9000 + line("hello", 10)))

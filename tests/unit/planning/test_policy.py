@@ -292,6 +292,8 @@ def test_every_kind_is_asked_by_something() -> None:
         (NetworkSettings(subnet="10.77.0.0/24"), [("host-network", "network.subnet")]),
         (NetworkSettings(subnet="10.200.0.0/19"), [("host-network", "network.subnet")]),
         (NetworkSettings(subnet="10.0.0.0/8"), [("host-network", "network.subnet")]),
+        (NetworkSettings(vni=0x100000), []),
+        (NetworkSettings(vni=4097), [("host-network", "network.vni")]),
         (NetworkSettings(port=123), [("low-port", "network.port")]),
         (NetworkSettings(persist=True), [("unit", "network.persist")]),
     ],
@@ -302,7 +304,7 @@ def test_an_overlay_asks_for_what_it_takes_from_the_robots_own_network(
     """The kernel sends packets to such a subnet into the overlay, whoever has the addresses in the lab's network."""
     found = permissions(replace(experiment(service("a")), network=network))
     assert [(one.kind, one.service) for one in found] == asked
-    said = {"host-network": network.subnet or "", "low-port": str(network.port), "unit": "as root"}
+    said = {"host-network": network.subnet or str(network.vni), "low-port": str(network.port), "unit": "as root"}
     assert all(said[one.kind] in one.what for one in found)
 
 

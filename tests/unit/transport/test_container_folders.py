@@ -291,10 +291,11 @@ CHOICES: dict[str, tuple[Callable[[World], object], str, str]] = {
 
 @pytest.mark.parametrize("case", CHOICES)
 def test_an_engine_is_asked_only_where_nobody_can_change_a_name_meanwhile(
-    world: World, session: Session, case: str
+    world: World, session: Session, monkeypatch: pytest.MonkeyPatch, case: str
 ) -> None:
     change, folder, end = CHOICES[case]
     change(world)
+    monkeypatch.setattr(type(session), "holds_lock", property(lambda _session: True))
     if end in ("", "folder"):
         use(session, folder)
     else:
@@ -305,6 +306,15 @@ def test_an_engine_is_asked_only_where_nobody_can_change_a_name_meanwhile(
     assert (world.data / "x").exists() == (folder == "/data") and (world.merged / "w/x").exists() == (
         (folder, end) == ("/w", "folder")
     )
+
+
+def test_no_engine_is_asked_without_the_robots_lock(world: World, session: Session) -> None:
+    """`cp` takes it of a container that does not run; one that ended since is asked of nobody."""
+    world.inspected["Mounts"].pop()
+    world.status = "exited"
+    with pytest.raises(RefusedError, match="it does not run, and others could"):
+        use(session, "/w")
+    assert not world.asked_engine
 
 
 @pytest.mark.parametrize("version", [OLD, MENDED])
