@@ -348,7 +348,7 @@ READS: dict[str, Callable[[Sequence[str]], bool]] = {
         list(words) == ["-V"] or ("-S" in words and set(words) <= {"-S", "-t", "nat", "filter", "-w"})
     ),
     "nft": lambda words: bool(re.fullmatch("(-s )?(-n )?list (tables?|ruleset).*", " ".join(words))),
-    "nsenter": lambda words: words[0].startswith("--net=/proc/") and words[1] == "ip" and _ip(words[2:]),
+    "nsenter": lambda words: words[0].startswith(("--net=/proc/", "--net=$n")) and words[1] == "ip" and _ip(words[2:]),
     "ip6tables": lambda words: list(words) == ["-V"],
     **dict.fromkeys(
         ("iptables-save", "ip6tables-save", "iptables-legacy-save", "ip6tables-legacy-save"),
