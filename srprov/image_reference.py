@@ -111,6 +111,14 @@ def is_of_a_build(name: str) -> bool:
         return False
 
 
+def is_plain(name: str) -> bool:
+    """Return whether a name is an image's, as Docker shows it: engines take others too, and give it that one."""
+    try:
+        return parse_reference(name).familiar == name
+    except ValueError:
+        return False
+
+
 def pull_parameters(name: str) -> tuple[tuple[str, str], ...]:
     """Return the parameters by which an engine pulls an image, by digest where the name has one, else by tag."""
     repository, _, digest = name.partition("@")

@@ -18,6 +18,8 @@ in its place."""
 NOT_CLOSED = "its folder cannot be closed off from the robot's other files; unshare and mount of util-linux do that"
 """What `NO_SANDBOX` means, in words."""
 
+INSIDE = "/folder"
+"""What the folder is called in there."""
 _ENTER = f"""cd -- "$1" || exit {MISSING}
 [ "$(pwd -P)" = "$1" ] || exit {ELSEWHERE}
 mount -t tmpfs -o mode=755,size=64k,nosuid srprov /tmp && mkdir /tmp/dev /tmp/folder && : >/tmp/dev/null &&

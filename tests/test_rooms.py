@@ -49,7 +49,7 @@ ROOMS: Mapping[str, Room] = {
         "click rich tomli",
     ),
     "controller": room(
-        "believed whose codes errors hashing layers regular_file robot_answers wire session container_files resource"
+        "believed whose codes errors hashing layers regular_file robot_answers wire session container_files led resource"
         " secret secret_files data datasets disk owner private untrusted time_sync sizes image_reference git_address"
         " git linear_regex names definitions transport facts assignment network images rendering modules planning"
         " execution record trials probing plain_tar exporting snapshot yamldoc own_records"
@@ -77,7 +77,7 @@ ROOMS: Mapping[str, Room] = {
         "jsonschema jinja2",
     ),
     "transport": room(
-        "codes errors pace believed datasets engine_files sandbox spool layers private plain_tar regular_file wire"
+        "codes errors pace believed datasets engine_files led sandbox spool layers private plain_tar regular_file wire"
         " session container_files untrusted secret"
         " definitions.model",
         "paramiko fabric invoke docker requests urllib3 psutil dask distributed",
@@ -100,7 +100,8 @@ ROOMS: Mapping[str, Room] = {
         "believed codes errors private untrusted resource data definitions modules yamldoc", "jinja2 yaml"
     ),
     "modules": room(
-        "errors hashing names plain_tar published wire untrusted robot_answers resource secret image_reference"
+        "errors hashing led names plain_tar published wire untrusted robot_answers resource secret"
+        " image_reference"
         " definitions.model definitions.containermodel definitions.secretmodel"
     ),
     "planning": room(
@@ -109,7 +110,7 @@ ROOMS: Mapping[str, Room] = {
         " definitions.model definitions.secretmodel network.identity"
     ),
     "execution": room(
-        "codes errors layers pace sandbox spool plain_tar untrusted robot_answers resource wire session"
+        "codes errors layers led pace sandbox spool plain_tar untrusted robot_answers resource wire session"
         " image_reference linear_regex modules planning probing facts.host owner trials definitions.dockerfile"
         " definitions.trialsmodel"
     ),
@@ -172,6 +173,7 @@ ROOMS: Mapping[str, Room] = {
     "wire": room("errors hashing untrusted resource"),
     "session": room("errors wire container_files"),
     "container_files": room(),
+    "led": room("untrusted"),
     "resource": room("errors wire"),
 }
 

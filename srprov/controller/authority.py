@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterator, Mapping
 from msgspec.structs import replace
 
 from srprov.codes import Code
-from srprov.controller.image_claim import is_own_image
+from srprov.controller.image_claim import is_own_image, misnamed
 from srprov.controller.overlay_claim import astray, had_twice, underlays_of, wrong_link
 from srprov.controller.placement_claim import PlacementClaim, misplaced, unrecorded
 from srprov.controller.robot_files import is_record_path
@@ -233,6 +233,7 @@ def _wrong(saved: PlanFile) -> Iterator[str]:
     for want in wants_of(saved):
         if isinstance(want.params, VxlanParams | VxlanFilterParams):
             yield from wrong_link(want, want.params, [network for host, network in overlays if host == want.host])
+    yield from misnamed(wants_of(saved))
     yield from had_twice(wants_of(saved))
     yield from misplaced(plan, wants_of(saved))
     yield from led_elsewhere(wants_of(saved))

@@ -2,10 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import re
+from collections.abc import Collection, Iterable, Iterator
 
 from srprov.controller.robot_images import base_name
+from srprov.image_reference import is_plain
+from srprov.modules.container_params import ContainerParams
 from srprov.modules.image import ImageParams
+from srprov.resource import Resource
+
+_ID = re.compile("sha256:[0-9a-f]{64}")
+
+
+def misnamed(wants: Iterable[Resource]) -> Iterator[str]:
+    """Say which images have a name that is none, or another spelling of one: an engine would give them that one."""
+    for want in wants:
+        if want.module == "image" and not is_plain(want.name):
+            yield f"{want.id}: no image is called that"
+        elif isinstance(one := want.params, ContainerParams) and not (is_plain(one.image) or _ID.fullmatch(one.image)):
+            yield f"{want.id}: no image is called {one.image[:100]!r}"
 
 
 def is_own_image(want: ImageParams, name: str, context: bytes, built: Collection[tuple[str, str]]) -> bool:

@@ -10,8 +10,8 @@ import re
 from bisect import bisect_left
 from collections.abc import Collection, Iterable, Iterator, Mapping
 
+from srprov.led import led_of
 from srprov.modules.container_names import instance_of
-from srprov.modules.mount_place import led_of
 from srprov.untrusted import absolute, mapping, mappings, string, string_map, text
 from srprov.wire import EngineQuery, Reply
 

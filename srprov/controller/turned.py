@@ -9,7 +9,8 @@ from __future__ import annotations
 from srprov.codes import Code
 from srprov.controller.device_links import led_to
 from srprov.errors import RefusedError, visible
-from srprov.modules.mount_place import LEADS_TO, led_of
+from srprov.led import led_of
+from srprov.modules.mount_place import LEADS_TO
 from srprov.session import Reader
 from srprov.wire import EngineQuery, Query, quote
 

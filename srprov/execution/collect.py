@@ -17,7 +17,7 @@ from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.execution.listing import Entry, Listing, ListingError
 from srprov.execution.result_scripts import TAR, UNNAMEABLE, WHY, lists
-from srprov.modules.mount_place import led_of
+from srprov.led import led_of
 from srprov.pace import TOO_LITTLE, Pace
 from srprov.sandbox import MISSING, ended_with_channel, ending, inside
 from srprov.session import Session, Streams

@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from srprov.image_reference import is_of_a_build, pull_parameters
+from srprov.image_reference import is_of_a_build, is_plain, pull_parameters
 from srprov.modules.container_leftover import BUILD
 from srprov.modules.module import INSTANCE, Module, Names
 from srprov.modules.params import ParameterError
@@ -117,7 +117,7 @@ class ImageModule(Module[ImageParams]):
 
     def is_own(self, name: str, want: ImageParams, names: Names) -> bool:
         """Take any that a registry may have; what is built is told by its content tag, which is not known here."""
-        return want.source == "pull" and not is_of_a_build(name)
+        return want.source == "pull" and is_plain(name) and not is_of_a_build(name)
 
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Untag; layers go when nothing else needs them.

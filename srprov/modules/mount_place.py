@@ -13,12 +13,9 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from srprov.led import LED
 from srprov.modules.module import canonical
-from srprov.untrusted import absolute, json_or_none, mapping, mappings, string, string_map
 from srprov.wire import Command, EngineCall, Run, quote
-
-LED = "srprov.led"
-"""Label of a container: where the robot's paths led that it mounts, as JSON."""
 
 NOT_TOLD = ""
 """Where a path led, if its robot did not say so: no container is made with it."""
@@ -58,15 +55,3 @@ def guarded(command: Command, mounts: Iterable[Mapping[str, Any]], leads: Mappin
         return command
     looks = "".join(f"as_planned {quote(one)} {quote(leads[one])}\n" for one in paths)
     return replace(command, script=f"{LEADS_TO}{AS_PLANNED}{looks}{command.script}")
-
-
-def led_of(inspected: object) -> dict[str, str]:
-    """Return the robot's path -> where it led when a container was made that mounts it, by what its engine says.
-
-    Only what the container mounts counts: it has its image's labels, too.
-    """
-    found = mapping(inspected)
-    mounted = {string(one.get("Source")) for one in mappings(found.get("Mounts")) if one.get("Type") == "bind"}
-    label = mapping(mapping(found.get("Config")).get("Labels")).get(LED)  # of a thousand paths, longer than any other
-    led = string_map(json_or_none(label) if isinstance(label, str) else None)
-    return {path: real for path, real in led.items() if path in mounted and absolute(path) and absolute(real)}

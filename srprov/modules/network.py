@@ -10,12 +10,14 @@ Source: Docker Engine API 1.41, "Create a network"; bridge driver options.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from ipaddress import IPv4Address, IPv4Network
 from typing import Any
 
 import msgspec
 
 from srprov.modules.differences import compared
 from srprov.modules.module import CONFIG_HASH, INSTANCE, LABEL_FILTER, SOURCE, Module, Names, canonical, digest
+from srprov.modules.params import ParameterError, check_ipv4
 from srprov.resource import Action, Change, Difference, Observed, State
 from srprov.untrusted import integer, mappings, string, string_map
 from srprov.wire import AnyQuery, Command, EngineCall, EngineQuery, Reply, Run, quote
@@ -40,6 +42,16 @@ class NetworkParams(msgspec.Struct, frozen=True, kw_only=True):
     mtu: int
     vni: int
     port: int
+
+    def __post_init__(self) -> None:
+        """Refuse a bridge's address that is none of its network's, or in another spelling than one."""
+        check_ipv4(self.gateway, "gateway")
+        try:
+            network = IPv4Network(self.subnet)
+        except ValueError as error:
+            raise ParameterError("subnet", f"subnet: '{self.subnet[:40]}' is no IPv4 network") from error
+        if IPv4Address(self.gateway) not in network or self.gateway in (str(network[0]), str(network[-1])):
+            raise ParameterError("gateway", f"gateway: {self.gateway} is no robot's in {self.subnet}")
 
 
 class NetworkModule(Module[NetworkParams]):

@@ -108,6 +108,7 @@ def identify(
     bridge, link = link_names(instance)
     check_names(instance, snapshot)
     on = snapshot.facts.keys() if members is None else snapshot.facts.keys() & {*members}
+    _check_port(settings, snapshot, sorted(on), link)
     claims = Claims(instance, (bridge, link), snapshot, sorted(on))
     ours, vni = _in_use(claims, settings.port, record or PlacementRecord())
     foreign = tuple(foreign_uses(instance, (bridge, link), snapshot, ours))
@@ -120,6 +121,15 @@ def identify(
         network=network_name(instance),
         subnet=_subnet(instance, settings, ours, foreign),
     )
+
+
+def _check_port(settings: NetworkSettings, snapshot: Snapshot, members: Iterable[str], own: str) -> None:
+    """Refuse a port on which a link of others takes all VNIs (`external`), which tools show as the VNI 0."""
+    for robot in members if settings.encryption == "none" else ():
+        for link in snapshot.facts[robot].links:
+            if (link.kind, link.vni, link.port) == ("vxlan", 0, settings.port) and link.name != own:
+                message = f"network.port {link.port} is that of link {link.name} on {robot}, which takes all VNIs"
+                raise UsageError(message, hint="give network.port another one", code=Code.VNI)
 
 
 def _vni(instance: str, settings: NetworkSettings, used: int, foreign: Iterable[ForeignUse]) -> int:

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import msgspec
 
+from srprov.sandbox import INSIDE, sandboxed
 from srprov.wire import quote, sh
 
 NOBODY = 65534
@@ -86,9 +87,17 @@ def confined(found: Found, seconds: int, *, root: bool) -> tuple[str, ...]:
 def script(found: Found, *, root: bool) -> str:
     """Return what is asked of a repository; `root` says that the shell is root's.
 
+    Then it sees nothing but the repository's folder: a link among git's files leads to no other one of the robot's.
+
     Raises:
         ValueError: Its path holds a NUL byte.
     """
+    if root:
+        return sandboxed(found.folder, _script(Found(folder=INSIDE, uid=found.uid), root=True), found.folder)
+    return _script(found, root=False)
+
+
+def _script(found: Found, *, root: bool) -> str:
     folder, place = quote(found.folder), quote(f"{found.folder}/.git")
     lines = [
         f"[ -d {place} ] && [ ! -L {place} ] && [ ! -L {folder} ] || {{ echo 'odd kind'; exit 0; }}",
@@ -101,6 +110,8 @@ def script(found: Found, *, root: bool) -> str:
         f"[ ! -s {place}/objects/info/alternates ] || {{ echo 'odd alternates'; exit 0; }}",
         f"[ ! -e {folder}/.gitmodules ] || echo 'odd submodules'",
     ]
+    if not root:
+        lines.append(f"[ -z \"$(find {place} -type l -print -quit 2>&1)\" ] || {{ echo 'odd links'; exit 0; }}")
     if root and found.uid == 0:
         other = f"timeout {_LONG_S} find {folder} -xdev ! -uid 0 -printf x -quit 2>/dev/null"
         lines.append(f"o=$({other}); [ -z \"$o\" ] || {{ echo 'odd mixed'; exit 0; }}")

@@ -38,6 +38,7 @@ _ODD = {
     "kind": "is a link, or its .git is no folder (a worktree or submodule of another one): it is not read",
     "commondir": "shares its objects with another one: it is not read",
     "alternates": "borrows objects from another folder: it is not read",
+    "links": "has links among git's files: it is not read",
     "mixed": "belongs to root and has files of other users, for whom root would read: it is not read",
     "pipe": "has no files where git has them: it is not read",
     "split": "has a split index, which git writes to when it reads it: it is not read",

@@ -18,6 +18,7 @@ from collections.abc import Mapping, Sequence
 
 import msgspec
 
+from srprov.led import led_of
 from srprov.untrusted import absolute, mapping, mappings, string
 from srprov.wire import quote
 
@@ -52,6 +53,8 @@ class About(msgspec.Struct, frozen=True, kw_only=True):
     read_only: bool = False
     remapped: bool = False
     """Its users have other numbers on the robot."""
+    led: Mapping[str, str] = msgspec.field(default_factory=dict)
+    """The robot's path -> where it led when the container was made; of others nothing is known."""
     too_many: bool = False
     """It has more mounts than are looked at, which an engine lists in any order: none is known not to be there."""
 
@@ -122,6 +125,7 @@ def about(inspected: object) -> About:
         read_only=mapping(found.get("HostConfig")).get("ReadonlyRootfs") is True,
         remapped=any(_REMAPPED.search(path) for path in paths.values()),
         too_many=len(every) > _MOST_MOUNTS,
+        led=led_of(found),
     )
 
 
@@ -149,14 +153,20 @@ def _sources(one: About) -> list[str]:
 
 
 def view(one: About, said: str) -> View:
-    """Return what a container sees, by what its robot answers; what is not there any more is left out."""
+    """Return what a container sees, by what its robot answers; what is not there any more is left out.
+
+    What leads elsewhere than when the container was made is not there: a link came in its way since.
+    """
     *found, points = decoded(said).split(b"\0")
     mounted = [_ESCAPED.sub(lambda match: bytes([int(match[1], 8) & 255]), line) for line in points.splitlines()]
     if len(found) != 1 + len(one.mounts):
         return View(())
     root = Mount(at="/", source=one.merged, writable=not one.read_only)
     there = one.merged and one.running and found[0][1:] in mounted
-    parts = [_part(mount, real, mounted) for mount, real in zip((root, *one.mounts), found, strict=True)]
+    parts = [
+        _part(mount, real if text_of(real[1:]) == one.led.get(mount.source, text_of(real[1:])) else b"", mounted)
+        for mount, real in zip((root, *one.mounts), found, strict=True)
+    ]
     return View(tuple(parts if there else parts[1:]))
 
 

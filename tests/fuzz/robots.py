@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -172,6 +173,11 @@ def _rules(_folder: Path, content: bytes) -> None:
         assert one.text.isprintable()
 
 
+def _records(_folder: Path, content: bytes) -> None:
+    with contextlib.suppress(TooManyError):  # whoever asks the robot says so of it
+        parse_placements(Reply(status=200, out=_said(content)))
+
+
 def _plain(read: Callable[[Reply], object]) -> Use:
     def use(_folder: Path, content: bytes) -> None:
         read(Reply(status=200, out=_said(content)))
@@ -182,7 +188,8 @@ def _plain(read: Callable[[Reply], object]) -> Use:
 def answers() -> Mapping[str, tuple[tuple[str, ...], Use]]:
     """Return name -> real answers, and what is done with a mutated one."""
     both = {
-        one.name: tuple(dict.fromkeys(text for text in (COMPUTER[one.name], PI[one.name]) if text)) for one in PROBES
+        one.name: tuple(dict.fromkeys(text for text in (COMPUTER.get(one.name), PI.get(one.name)) if text))
+        for one in PROBES
     }
     nobody = Reply(status=200, out="[]")
     return {
@@ -194,7 +201,7 @@ def answers() -> Mapping[str, tuple[tuple[str, ...], Use]]:
         },
         "robot counters": ((_HOST,), _counters),
         "robot firewall": ((_FIREWALL,), _rules),
-        "robot records": ((f"{STATE_ROOT}/hello/placement.json:{json.dumps(_RECORD)}\n",), _plain(parse_placements)),
+        "robot records": ((f"{STATE_ROOT}/hello/placement.json:{json.dumps(_RECORD)}\n",), _records),
         "robot ports": ((_PORTS,), _plain(lambda reply: taken_ports([reply, nobody]))),
         "robot published": ((_SHARED,), _plain(lambda reply: taken_ports([nobody, reply]))),
         "robot digest": ((json.dumps(_DISTRIBUTION),), _plain(_digest)),

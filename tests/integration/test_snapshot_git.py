@@ -98,6 +98,26 @@ def test_no_file_of_others_is_told(tmp_path: Path) -> None:
         assert "of root alone" not in str(notes), name
 
 
+@pytest.mark.skipif(not ROOT, reason="only root could read what others may not")
+def test_no_repository_of_others_is_read_by_links(tmp_path: Path) -> None:
+    """Root in a container makes links in the place of git's folders: what only root may read was in a patch."""
+    make(tmp_path / "private", "true")
+    private = tmp_path / "private" / "code" / ".git"
+    private.parent.parent.chmod(0o700)
+    place = tmp_path / "data" / "r"
+    git = place / ".git"
+    (git / "refs" / "remotes").mkdir(parents=True)
+    (git / "objects").symlink_to(private / "objects")
+    for refs in ("heads", "remotes/origin"):
+        (git / "refs" / refs).symlink_to(private / "refs" / "heads")
+    (git / "HEAD").write_text((private / "HEAD").read_text())
+    (git / "config").write_text('[remote "origin"]\n\turl = https://git.example/x.git\n')
+    found, notes = ask(place)
+    assert found is None and notes == ["has no commit, or cannot be read by its owner with plain git"]
+    found, notes = ask(place, root=False)
+    assert found is None and notes == ["has links among git's files: it is not read"]
+
+
 def test_what_cannot_be_read_is_named(tmp_path: Path) -> None:
     """Pipes where files should be do not keep anybody waiting."""
     make(tmp_path / "pipe", "rm .git/index && mkfifo .git/index")

@@ -15,6 +15,8 @@ from srprov.controller.authority import asked, check_file
 from srprov.controller.owners import owners_folder
 from srprov.controller.saved import check_plan, kept_plan
 from srprov.errors import RefusedError, UsageError
+from srprov.modules.network import NetworkParams
+from srprov.modules.params import ParameterError
 from srprov.network import layout
 from srprov.planning.planfile import PlanFile, dump
 from srprov.planning.planread import load
@@ -157,6 +159,27 @@ def test_a_new_instance_has_nothing_on_robots_that_the_plan_does_not_know(world:
     assert "playbook" in {one.kind for one in asked(saved)}
     with pytest.raises(RefusedError, match="robots that it knows nothing of: r9"):
         check_plan(saved, fleet(world), adopt=True)
+
+
+@pytest.mark.parametrize("name", ["busybox@latest", "busybox::latest", "docker.io/library/busybox:latest", "busybox"])
+def test_an_image_has_one_name(world: World, name: str) -> None:
+    """An engine takes other spellings, and gives the image that one: the tag of what the user has built, too."""
+    saved = kept_plan(planned(world, NEW))
+    steps = [replace(one, name=name, want=replace(one.want, name=name)) if one.want and one.module == "image" else one
+             for one in saved.plan.steps]  # fmt: skip
+    wants = [replace(one, name=name) if one.module == "image" else one for one in saved.also_wanted]
+    changed = replace(saved, plan=replace(saved.plan, steps=tuple(steps)), also_wanted=tuple(wants))
+    with pytest.raises(UsageError, match="no image is called that"):
+        check_file(changed, "plan.json")
+
+
+@pytest.mark.parametrize("gateway", ["::ffff:10.1.0.9", "", "10.1.0.029", "10.1.0.0", "10.1.15.255", "10.2.0.1"])
+def test_a_bridge_has_an_address_of_its_network(gateway: str) -> None:
+    """An engine takes other spellings, and the bridge that of another robot's service."""
+    with pytest.raises(ParameterError, match="gateway"):
+        NetworkParams(
+            instance="x", source="s", bridge="b", subnet="10.1.0.0/20", gateway=gateway, mtu=1450, vni=1, port=1
+        )
 
 
 def test_what_containers_are_said_to_have_of_the_controller_is_asked_for(world: World) -> None:

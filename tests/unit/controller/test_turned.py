@@ -12,7 +12,7 @@ import pytest
 
 from srprov.controller.turned import refuse_turned
 from srprov.errors import RefusedError
-from srprov.modules.mount_place import LED
+from srprov.led import LED
 from srprov.session import Reader
 from srprov.wire import AnyQuery, EngineQuery, Query, Reply
 

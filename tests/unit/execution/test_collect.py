@@ -23,7 +23,7 @@ from srprov.controller.results import bring_results, listed
 from srprov.definitions.trialsmodel import Result
 from srprov.execution.collect import CollectFailed, Place, fetch_file, fetch_tar, listings, place_of, places_below
 from srprov.execution.listing import Entry, Listing, ListingError
-from srprov.modules.mount_place import LED
+from srprov.led import LED
 from srprov.pace import Pace
 from srprov.record.results import Kept, Names
 from srprov.session import Session, Traffic

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from srprov.modules.mount_place import LEADS_TO, LED, NOT_TOLD, guarded
+from srprov.led import LED
+from srprov.modules.mount_place import LEADS_TO, NOT_TOLD, guarded
 from srprov.wire import EngineCall, Run, quote
 
 SHELLS = (("sh", "-c"), ("busybox", "sh", "-c"))

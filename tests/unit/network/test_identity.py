@@ -244,3 +244,13 @@ NETWORKS = st.builds(
 @given(st.lists(NETWORKS, max_size=12), NETWORKS)
 def test_ranges_meet_what_overlaps(some: list[IPv4Network], other: IPv4Network) -> None:
     assert Ranges([*some, None]).meet(other) == any(one.overlaps(other) for one in some)
+
+
+def test_a_port_on_which_a_link_takes_all_vnis_is_nobodys() -> None:
+    """Such as Open vSwitch's or Cilium's: the link failed there, and other members sent that one their packets."""
+    every = found(robot("r1"), robot("r2", links=(Link(name="vxlan_sys_4789", kind="vxlan", port=4789),)))
+    with pytest.raises(UsageError, match=r"port 4789 is that of link vxlan_sys_4789 on r2, which takes all VNIs"):
+        identify("hello", NO_WISH, every)
+    assert identify("hello", NetworkSettings(port=4790), every).port == 4790
+    assert identify("hello", NetworkSettings(encryption="wireguard"), every).port == 4789
+    assert identify("hello", NO_WISH, every, members=["r1"]).port == 4789

@@ -308,6 +308,17 @@ def test_an_engine_is_asked_only_where_nobody_can_change_a_name_meanwhile(
     )
 
 
+def test_what_leads_elsewhere_than_when_the_container_was_made_is_not_read(world: World, session: Session) -> None:
+    """A link came in the way after `cp` had looked: it read, and wrote, a folder of the robot's."""
+    path = str(world.maps)
+    world.inspected["Config"] = {"Labels": {"srprov.led": json.dumps({path: path})}}
+    (world.maps / "file").write_text("content")
+    assert session.path_in("c", "/maps/file")
+    world.inspected["Config"] = {"Labels": {"srprov.led": json.dumps({path: f"{path}-of-before"})}}
+    with pytest.raises(RefusedError, match="mounted at /maps cannot be read"):
+        session.path_in("c", "/maps/file")
+
+
 def test_no_engine_is_asked_without_the_robots_lock(world: World, session: Session) -> None:
     """`cp` takes it of a container that does not run; one that ended since is asked of nobody."""
     world.inspected["Mounts"].pop()
