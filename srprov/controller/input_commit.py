@@ -37,10 +37,12 @@ def source_commit(planned: Planned, files: Mapping[str, InputFile]) -> dict[str,
     checkout = checkout_of(experiment.folder)
     if checkout is None:
         return {**about, "commit": None, "problem": "not a git repository, or none whose commit can be told"}
-    top, commit = checkout
+    top, own, shared, commit = checkout
     try:
-        look = ["-C", top, "ls-tree", "-r", "-z", "--full-tree", commit]
-        listed = program.run(look, most=_MOST_LISTED, seconds=_LOOK_S, memory=program.OF_A_LOOK)
+        look = ["ls-tree", "-r", "-z", "--full-tree", commit]
+        listed = program.run(
+            look, repository=own, shared=shared, most=_MOST_LISTED, seconds=_LOOK_S, memory=program.OF_A_LOOK
+        )
     except (program.GitError, OSError):
         return {**about, "commit": None, "problem": "git cannot list the files of its commit"}
     there = _objects(listed)

@@ -69,7 +69,8 @@ def _leads_to(address: Address, tip: str, commit: str, folder: Path | None) -> b
         make(place, tip)
         _fetch(place, address, tip)
         try:
-            run([f"--git-dir={place}", "merge-base", "--is-ancestor", commit, tip], most=_MOST_SAID, seconds=LOOK_S)
+            leads = ["merge-base", "--is-ancestor", commit, tip]
+            run(leads, repository=place, most=_MOST_SAID, seconds=LOOK_S)
         except GitError:  # it is none, or is not there at all
             return False
         return True
@@ -77,10 +78,11 @@ def _leads_to(address: Address, tip: str, commit: str, folder: Path | None) -> b
 
 def _fetch(place: Path, address: Address, tip: str) -> None:
     """Fetch the commits that a branch leads to, without what they hold where the server can leave that out."""
-    fetch = [f"--git-dir={place}", "fetch", "--quiet", "--no-tags", "--no-write-fetch-head", "--filter=tree:0"]
+    fetch = ["fetch", "--quiet", "--no-tags", "--no-write-fetch-head", "--filter=tree:0"]
     for wanted in ([f"+{tip}:refs/srprov/tip"], ALL):  # not every server gives a commit by its id
         try:
-            run([*fetch, "--", address.url, *wanted], transport=address.scheme, most=_MOST_SAID, seconds=FETCH_S)
+            words = [*fetch, "--", address.url, *wanted]
+            run(words, repository=place, transport=address.scheme, most=_MOST_SAID, seconds=FETCH_S)
         except GitError as error:
             why = error
         else:

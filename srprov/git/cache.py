@@ -85,8 +85,8 @@ def files(
     with locked(place):
         if not _has(place, commit):
             _fetch(place, address, commit)
-    arguments = [f"--git-dir={place}", "ls-tree", "-r", "-z", "-l", "--full-tree", commit]
-    found = entries(run(arguments, most=_MOST_LISTED, seconds=LOOK_S), most, elsewhere)
+    listing = ["ls-tree", "-r", "-z", "-l", "--full-tree", commit]
+    found = entries(run(listing, repository=place, most=_MOST_LISTED, seconds=LOOK_S), most, elsewhere)
     contents = _contents(place, found)
     check_links({one.path: contents[one.object] for one in found if one.is_link})
     return tuple(
@@ -158,7 +158,7 @@ def _has(place: Path, commit: str) -> bool:
     if not place.is_dir():
         return False
     try:
-        run([f"--git-dir={place}", "cat-file", "-e", f"{commit}^{{tree}}"], most=0, seconds=LOOK_S)
+        run(["cat-file", "-e", f"{commit}^{{tree}}"], repository=place, most=0, seconds=LOOK_S)
     except GitError:
         return False
     return True
@@ -177,13 +177,13 @@ def make(place: Path, commit: str) -> None:
 
 def _fetch(place: Path, address: Address, commit: str) -> None:
     make(place, commit)
-    fetch = [f"--git-dir={place}", "fetch", "--quiet", "--no-tags", "--no-write-fetch-head"]
+    fetch = ["fetch", "--quiet", "--no-tags", "--no-write-fetch-head"]
     for more in (
         ["--depth=1", "--", address.url, commit],
         ["--", address.url, *ALL],
     ):  # not every server gives a commit by its id
         try:
-            run([*fetch, *more], transport=address.scheme, most=_MOST_NAMES, seconds=FETCH_S)
+            run([*fetch, *more], repository=place, transport=address.scheme, most=_MOST_NAMES, seconds=FETCH_S)
         except GitError as error:
             why = error
         else:
@@ -200,8 +200,8 @@ def _contents(place: Path, found: list[Entry]) -> dict[str, bytes]:
     with tempfile.TemporaryFile() as asked:
         asked.write("".join(f"{name}\n" for name in sizes).encode())
         asked.seek(0)
-        batch = [f"--git-dir={place}", "cat-file", "--batch"]
-        printed = memoryview(run(batch, most=whole, seconds=FETCH_S, given=asked))
+        batch = ["cat-file", "--batch"]
+        printed = memoryview(run(batch, repository=place, most=whole, seconds=FETCH_S, given=asked))
     contents, at = {}, 0  # type: dict[str, bytes], int
     for name, size in sizes.items():
         begin = f"{name} blob {size}\n".encode()

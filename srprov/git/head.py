@@ -1,9 +1,12 @@
 """The commit that a checkout stands on, as its own folder says it.
 
-Takes a folder; gives the checkout's top folder and the commit. Reads files, runs nothing. A `.git` may come with a
-stranger's project: git would follow its links, and its settings, to any file of this machine, and repeat what that
-holds. So HEAD and what it names are read here, by paths without links and of files with one name, and nothing but a
-commit is taken from them. A checkout that has objects of another repository's has none.
+Takes a folder; gives the checkout's top folder, its repository and the commit. Reads files, runs nothing. A `.git` may
+come with a stranger's project: git would follow its links, and its settings, to any file of this machine, and repeat
+what that holds. So HEAD and what it names are read here, by paths without links and of files with one name, and nothing
+but a commit is taken from them. A checkout that has objects of another repository's has none.
+
+Where git is asked of that commit, it is asked of the folders that were looked at here: what it would find by itself,
+by its own rules, may be another repository.
 """
 
 from __future__ import annotations
@@ -11,6 +14,7 @@ from __future__ import annotations
 import os
 import re
 from pathlib import Path
+from typing import NamedTuple
 
 from srprov import regular_file
 from srprov.git_address import is_commit
@@ -25,12 +29,23 @@ _REFERENCE = re.compile(r"refs(/(?!\.)[^/\x00-\x20\x7f]+)+")
 _WORKTREE = re.compile(r"^[ \t]*worktree[ \t]*=[ \t]*(.+?)[ \t]*$", re.MULTILINE)
 
 
-def checkout_of(folder: str) -> tuple[str, str] | None:
-    """Return the top folder of the checkout that a folder lies in, and its commit; None where neither can be told."""
+class Checkout(NamedTuple):
+    """A checkout whose repository holds nothing but its own."""
+
+    top: str
+    own: str
+    """The folder of its HEAD: `.git`, or what that names."""
+    shared: str
+    """The folder of its objects and references; of a worktree, that of the repository that it belongs to."""
+    commit: str
+
+
+def checkout_of(folder: str) -> Checkout | None:
+    """Return the checkout that a folder lies in; None where its commit cannot be told."""
     here = Path(os.path.realpath(folder))
     top = next((one for one in (here, *here.parents) if os.path.lexists(one / ".git")), None)
     own = _own_folder(top) if top else None
-    if top is None or own is None:
+    if top is None or own is None or not _is_mine(top, top / ".git", own):
         return None
     # a worktree has a HEAD of its own, and the references of the repository that it belongs to
     shared = own
@@ -43,7 +58,7 @@ def checkout_of(folder: str) -> tuple[str, str] | None:
     found = _line(own / "HEAD")
     for _ in range(_MOST_STEPS):
         if is_commit(found):
-            return str(top), found
+            return Checkout(str(top), str(own), str(shared), found)
         word, _, name = found.partition(" ")
         if word != "ref:" or not _REFERENCE.fullmatch(name.strip()):
             return None
@@ -66,6 +81,14 @@ def _own_folder(top: Path) -> Path | None:
     says = _WORKTREE.search(_text(own / "config"))
     claimed = [own / _line(own / "gitdir"), *([own / says[1] / ".git"] if says else [])]
     return own if str(git) in map(os.path.realpath, claimed) else None
+
+
+def _is_mine(*paths: Path) -> bool:
+    """Return whether all of this is the user's: git asks that of a repository that it finds, not of one it is given."""
+    try:
+        return all(os.lstat(one).st_uid == os.geteuid() for one in paths)
+    except OSError:
+        return False
 
 
 def _borrows(shared: Path) -> bool:

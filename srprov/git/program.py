@@ -28,6 +28,7 @@ _MOST_PROCESSOR_S = 300
 _MOST_SAID = 300
 """Characters of git's own words that an error repeats."""
 _SETTINGS = (
+    "safe.bareRepository=explicit",
     *("protocol.version=2", "core.hooksPath=/dev/null", "core.fsmonitor=false", "credential.helper="),
     *("http.followRedirects=false", "http.lowSpeedLimit=1000", "http.lowSpeedTime=30"),
     *("submodule.recurse=false", "fetch.recurseSubmodules=false", "gc.auto=0", "maintenance.auto=false"),
@@ -43,6 +44,8 @@ _SSH = (
     "ssh -o BatchMode=yes -o StrictHostKeyChecking=yes -o ConnectTimeout=15 -o ClearAllForwardings=yes"
     " -o ForwardAgent=no -o ForwardX11=no -o PermitLocalCommand=no"
 )
+_NOWHERE = "/dev/null/none"
+"""A repository that is none. Git that is told of one looks for none by rules of its own, in the folders around."""
 _LIMITED = 'ulimit -c 0 && ulimit -f "$1" && ulimit -v "$2" && ulimit -t "$3" && shift 3 && exec git "$@"'
 
 
@@ -53,6 +56,8 @@ class GitError(ValueError):
 def run(
     arguments: Sequence[str],
     *,
+    repository: str | os.PathLike[str] = _NOWHERE,
+    shared: str | os.PathLike[str] = "",
     transport: str = "",
     most: int,
     seconds: float,
@@ -63,6 +68,8 @@ def run(
 
     Args:
         arguments: Its command and what belongs to it.
+        repository: The folder that it works in; without it, in none. It never looks for one.
+        shared: The folder of the objects and references, whatever that folder says of them.
         transport: The one way by which it may reach a repository: `https`, `ssh` or `file`; empty: none.
         most: Bytes that it may print.
         seconds: After which it is ended.
@@ -72,33 +79,43 @@ def run(
     Raises:
         GitError: It failed, printed more, took longer, or is not installed.
     """
-    held = (f"core.packedGitLimit={memory >> 2}", f"core.deltaBaseCacheLimit={memory >> 3}")
-    limits = [str(MOST_FETCHED // 512), str(memory >> 10), str(_MOST_PROCESSOR_S)]
     process = subprocess.Popen(
-        ["/bin/sh", "-c", _LIMITED, "sh", *limits, *_settings(*_SETTINGS, *held), *arguments],
+        [*_limited(memory), *arguments],
         stdin=given or subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         cwd="/",
-        env=_environment(os.environ, transport),
+        env={**_environment(os.environ, transport), **_places(repository, shared)},
         start_new_session=True,
     )
-    try:
-        printed, said = read_both(process, time.monotonic() + seconds, most + 1)
-        if len(printed) > most:
-            raise GitError(f"git prints more than {most >> 10} KiB")
-        code = process.wait(timeout=seconds)
-    except (TimeoutError, subprocess.TimeoutExpired):
-        raise GitError(f"git was not done after {seconds:g} s") from None
-    finally:
-        stop(process)
+    code, printed, said = _ended(process, most, seconds)
     if code:
         raise GitError(_why(code, said.decode("utf-8", "replace")))
     return printed
 
 
-def _settings(*given: str) -> list[str]:
-    return [word for one in given for word in ("-c", one)]
+def _ended(process: subprocess.Popen[bytes], most: int, seconds: float) -> tuple[int, bytes, bytes]:
+    try:
+        printed, said = read_both(process, time.monotonic() + seconds, most + 1)
+        if len(printed) > most:
+            raise GitError(f"git prints more than {most >> 10} KiB")
+        return process.wait(timeout=seconds), printed, said
+    except (TimeoutError, subprocess.TimeoutExpired):
+        raise GitError(f"git was not done after {seconds:g} s") from None
+    finally:
+        stop(process)
+
+
+def _limited(memory: int) -> list[str]:
+    held = (f"core.packedGitLimit={memory >> 2}", f"core.deltaBaseCacheLimit={memory >> 3}")
+    limits = [str(MOST_FETCHED // 512), str(memory >> 10), str(_MOST_PROCESSOR_S)]
+    settings = (word for one in (*_SETTINGS, *held) for word in ("-c", one))
+    return ["/bin/sh", "-c", _LIMITED, "sh", *limits, *settings]
+
+
+def _places(repository: str | os.PathLike[str], shared: str | os.PathLike[str]) -> dict[str, str]:
+    given = {"GIT_DIR": os.fspath(repository)}
+    return {**given, "GIT_COMMON_DIR": os.fspath(shared)} if shared else given
 
 
 def _environment(own: Mapping[str, str], transport: str) -> dict[str, str]:

@@ -1,0 +1,104 @@
+"""Git is asked of the repository that was looked at, and of none that it would find by itself."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from srprov.controller.input_commit import source_commit
+from srprov.controller.input_files import InputFile
+from srprov.git import program
+from tests.unit.controller.test_input_commit import committed, planned
+
+NOBODY = 65534
+
+
+def as_user(folder: Path, ask: Callable[[], object]) -> str:
+    """Return what a function says to a user who owns a folder, and is not root: root may enter every folder."""
+    if os.geteuid():
+        return repr(ask())
+    reads, writes = os.pipe()
+    if (child := os.fork()) == 0:
+        try:
+            subprocess.run(["chown", "-R", f"{NOBODY}:{NOBODY}", str(folder)], check=True)
+            os.setgroups([])
+            os.setresgid(NOBODY, NOBODY, NOBODY)
+            os.setresuid(NOBODY, NOBODY, NOBODY)
+            os.write(writes, repr(ask()).encode())
+        finally:
+            os._exit(0)
+    os.close(writes)
+    with os.fdopen(reads) as told:
+        said = told.read()
+    os.waitpid(child, 0)
+    return said
+
+
+@pytest.fixture
+def open_folder() -> Iterator[Path]:
+    """Yield a folder that another user may enter, too."""
+    folder = Path(tempfile.mkdtemp(dir="/tmp"))
+    folder.chmod(0o755)
+    yield folder
+    subprocess.run(["chmod", "-R", "u+rwx", str(folder)], check=True)
+    shutil.rmtree(folder)
+
+
+@pytest.mark.parametrize("closed", ["refs", "objects"])
+@pytest.mark.parametrize("other", ["bare", "above"])
+def test_git_takes_no_other_repository_than_the_one_that_was_looked_at(
+    open_folder: Path, closed: str, other: str
+) -> None:
+    """Git passes over a `.git` whose folders it may not enter, and takes the checkout for bare, or what is above."""
+    commit = committed(open_folder / "private")
+    private = open_folder / "private/.git"
+    top = open_folder / ("nav" if other == "bare" else "private/nav")
+    for folder in (top / ".git", *([top] if other == "bare" else [])):
+        for name in ("refs", "objects/info"):
+            (folder / name).mkdir(parents=True)
+        (folder / "HEAD").write_text(commit + "\n")
+    if other == "bare":
+        (top / "objects/info/alternates").write_text(f"{private}/objects\n")
+    (top / ".git" / closed).chmod(0o644)
+    said = as_user(open_folder, lambda: source_commit(planned(top), {"x.edf": InputFile(content=b"edf: 1\n")}))
+    assert "'commit': None" in said and commit not in said
+
+
+def test_a_worktree_s_objects_are_those_that_were_looked_at(tmp_path: Path) -> None:
+    """Of the line that says where they are git leaves out all that ends it: here, a part of a folder's name."""
+    commit = committed(tmp_path / "private")
+    top, store, other = tmp_path / "nav", tmp_path / "store\n", tmp_path / "store"
+    for folder in (top, *(one / name for one in (store, other) for name in ("objects/info", "refs", "worktrees/w"))):
+        folder.mkdir(parents=True)
+    (other / "objects/info/alternates").write_text(f"{tmp_path}/private/.git/objects\n")
+    own = store / "worktrees/w"
+    for name, says in {"HEAD": commit, "gitdir": f"{top}/.git", "commondir": f"{store}\n"}.items():
+        (own / name).write_text(says)
+    (top / ".git").write_text(f"gitdir: {own}")
+    for one in (store, other):
+        (one / "HEAD").write_text(commit)
+    found = source_commit(planned(top), {"x.edf": InputFile(content=b"edf: 1\n")})
+    assert found is not None and found["commit"] is None
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files away")
+@pytest.mark.parametrize("theirs", [".", ".git"])
+def test_a_repository_of_another_user_s_has_no_commit(tmp_path: Path, theirs: str) -> None:
+    """Git asks whose it is only of one that it finds by itself."""
+    committed(tmp_path / "nav")
+    os.chown(tmp_path / "nav" / theirs, NOBODY, NOBODY)
+    found = source_commit(planned(tmp_path / "nav"), {})
+    assert found is not None and found["commit"] is None
+
+
+@pytest.mark.parametrize("bare", [False, True])
+def test_git_never_looks_for_a_repository(tmp_path: Path, bare: bool) -> None:
+    subprocess.run(["git", "init", "-q", *(["--bare"] if bare else []), str(tmp_path / "r")], check=True)
+    with pytest.raises(program.GitError, match="not a git repository"):
+        program.run(["-C", str(tmp_path / "r"), "rev-parse", "--git-dir"], most=1000, seconds=10)
