@@ -85,10 +85,11 @@ class HostTree:
             return
         members = self.group(group).hosts
         for name in names:
-            host = self._entry(name, place)
+            host = self.hosts.get(name) or self._entry(name, place)
             if host is None:
                 return
-            host.variables.update(own)
+            if own:
+                host.variables.update(own)
             members[name] = place
 
     def _has_room(self, place: Node, memberships: int, variables: int) -> bool:
@@ -116,9 +117,7 @@ class HostTree:
             raise DefinitionError(self.findings.problems)
 
     def _entry(self, name: str, place: Scalar) -> HostEntry | None:
-        """Return the entry of a host, which is made when it is missing; None and a finding where it cannot be."""
-        if name in self.hosts:
-            return self.hosts[name]
+        """Make the entry of a host that is new; None and a finding where it cannot be."""
         if wrong := names_rule.fault("robot", name):
             hint = "a range is written robot[1:4]" if "[" in name else ""
             self.findings.add(place, wrong, (), hint, code=Code.INVENTORY)
@@ -182,18 +181,44 @@ class HostTree:
                     left.append(child)
         return list(reversed(done.items()))
 
-    def effective(
-        self, host: HostEntry, groups: set[str], depths: dict[str, int], wanted: Collection[str]
-    ) -> Variables:
-        """Return a host's variables after inheritance, the `wanted` ones for sure."""
-        ordered = sorted(
-            (self.groups[name] for name in groups), key=lambda g: (depths.get(g.name, 0), _priority(g), g.name)
-        )
+    def inherited(self, depths: dict[str, int], wanted: Collection[str]) -> Inherited:
+        """Return what hosts have of their groups: of the variables, those that are `wanted`."""
+        ordered = sorted(self.groups.values(), key=lambda g: (depths.get(g.name, 0), _priority(g), g.name))
+        return Inherited(ordered, wanted)
+
+
+class Inherited:
+    """What hosts have of their groups, put together once for all that are in the same ones.
+
+    Ten thousand hosts may be in fifty groups each, and every group may have each variable that is read.
+    """
+
+    def __init__(self, ordered: list[Group], wanted: Collection[str]) -> None:
+        """Begin with groups from weak to strong, and the names of the variables that are read."""
+        self._wanted = wanted
+        self._rank = {group.name: rank for rank, group in enumerate(ordered)}
+        self._said = [(self._read(group.variables), self._read(group.from_files)) for group in ordered]
+        self._known: dict[frozenset[str], tuple[Variables, tuple[str, ...]]] = {}
+
+    def effective(self, host: HostEntry, groups: frozenset[str]) -> tuple[Variables, tuple[str, ...]]:
+        """Return a host's variables after inheritance, those that are read; and its groups as they are shown."""
+        if groups not in self._known:
+            self._known[groups] = self._of(groups), tuple(sorted(groups - {"all", "ungrouped"}))
+        (inherited, shown), own, more = self._known[groups], self._read(host.variables), self._read(host.from_files)
+        return ({**inherited, **own, **more} if own or more else inherited), shown
+
+    def _of(self, groups: frozenset[str]) -> Variables:
         result: Variables = {}
-        scopes = [*(group.variables for group in ordered), *(group.from_files for group in ordered)]
-        for scope in (*scopes, host.variables, host.from_files):
-            result.update(scope if len(scope) < len(wanted) else {key: scope[key] for key in wanted if key in scope})
+        said = [self._said[rank] for rank in sorted(map(self._rank.__getitem__, groups))]
+        for scope in (*(variables for variables, _ in said), *(from_files for _, from_files in said)):
+            if scope:
+                result.update(scope)
         return result
+
+    def _read(self, scope: Variables) -> Variables:
+        if len(scope) < len(self._wanted):
+            return {key: value for key, value in scope.items() if key in self._wanted} if scope else scope
+        return {key: scope[key] for key in self._wanted if key in scope}
 
 
 def _priority(group: Group) -> int:

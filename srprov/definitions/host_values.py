@@ -31,8 +31,12 @@ _OF_A_FOLDER = "inventory_dir"
 _MOST = 16_000_000
 """Characters that the hosts have together in what is read of their variables; each value counts as eight more."""
 _OF_A_VALUE = 8
-_READ_AGAIN = 4
-"""How often one counts that has the host's own name, and is read again for each host."""
+_READ_AGAIN = 2
+"""How often a character counts of a text that has the host's own name, and is read again for each host."""
+_OF_A_WORD = 32
+"""As so many characters counts, in such a text, each name and what ends a word: ssh's arguments are taken apart there,
+and commands in them."""
+_APART = " \t\r\n'\"\\;|&()<>"
 
 
 class Values:
@@ -62,9 +66,11 @@ class Values:
             DefinitionError: All hosts together have more than anybody writes.
         """
         size = self.once(("size", node), lambda: _size(node))
-        put_in = self.names_in(node)
-        size += sum(many * len(names[name]) for name, many in put_in.items())
-        self._count += size * (1 if put_in.keys() <= {_OF_A_FOLDER} else _READ_AGAIN)
+        if put_in := self.names_in(node):
+            size += sum(many * len(names[name]) for name, many in put_in.items())
+            if not put_in.keys() <= {_OF_A_FOLDER}:
+                size = _READ_AGAIN * size + self.once(("apart", node), lambda: _taken_apart(node, put_in))
+        self._count += size
         if self._count > _MOST:
             message = f"with '{key}', the hosts have more than {_MOST} characters of variables, all counted together"
             hint = "write it shorter, or for fewer hosts"
@@ -107,6 +113,11 @@ def check_own(variables: Variables, values: Values, findings: Findings) -> None:
         entries = {name: value for name, (_, value) in known.items()}
         root = Map(key.source, key.line, key.column, entries, {name: at for name, (at, _) in known.items()})
         schema.check(root, "inventory-vars", findings)
+
+
+def _taken_apart(node: Node, put_in: Mapping[str, int]) -> int:
+    text = node.text if isinstance(node, Scalar) else ""
+    return _OF_A_WORD * (sum(put_in.values()) + sum(map(NAMES.sub("", text).count, _APART)))
 
 
 def _size(node: Node) -> int:

@@ -154,12 +154,14 @@ class _VariableReader:
         if hidden_is_none:
             keys = tuple(key for key in keys if key in self.variables and self._unknown(key) in ("", host_values.NUL))
         given = self.text(*keys)
-        try:
-            return None if given is None else Secret(given)
-        except ValueError as error:
-            key = next(key for key in keys if key in self.variables)
-            self.findings.add(self.variables[key][1], f"'{key}' is too short: {error}", (key,), code=Code.HOST_VARIABLE)
+        if given is None:
             return None
+        read = self.values.once(("secret", given), lambda: _read(given, Secret))
+        if isinstance(read, ValueError):
+            key = next(key for key in keys if key in self.variables)
+            self.findings.add(self.variables[key][1], f"'{key}' is too short: {read}", (key,), code=Code.HOST_VARIABLE)
+            return None
+        return read
 
     def file(self, path: str) -> str:
         """Return a file of the controller: `~` is the home; a relative one is looked for beside the inventory first."""

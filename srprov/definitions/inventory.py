@@ -77,11 +77,9 @@ def _finish(tree: HostTree, source: str, *, may_run: bool) -> Inventory:
     for variables in _scopes(tree):
         host_values.check_own(variables, values, tree.findings)
     depths, members = tree.depths(), tree.members()
-    groups_of = _groups_of(tree.hosts, members)
-    hosts = {}
-    for name, groups in sorted(groups_of.items()):
-        shown = tuple(sorted(groups - {"all", "ungrouped"}))
-        effective = tree.effective(tree.hosts[name], groups, depths, hostvars.READ)
+    inherited, hosts = tree.inherited(depths, hostvars.READ), {}
+    for name, groups in sorted(_groups_of(tree.hosts, members).items()):
+        effective, shown = inherited.effective(tree.hosts[name], frozenset(groups))
         hosts[name] = one = hostvars.host(tree.hosts[name], effective, shown, values, tree.findings)
         if not may_run and hostvars.needs_trust(one):
             message = f"'{name}' has a password, a key or ssh options, or is this machine: name this inventory yourself"

@@ -89,12 +89,12 @@ def _named(option: str) -> tuple[str, str]:
     name, value = name.strip(), value.strip().lstrip("= ").strip()
     if not name or not value:
         raise ValueError(f"'-o {option[:60]}' is not Name=value")
-    if name.lower() == "proxycommand" and _runs_what_lies_here(value):
+    lower = name.lower()
+    if lower == "proxycommand" and _runs_what_lies_here(value):
         here = f"'{name[:60]} {value[:60]}' runs a file of whatever folder srprov runs in"
         raise ValueError(f"{here}; name it whole, such as {{{{ inventory_dir }}}}/jump.sh")
-    files = split(value) if name.lower() in _OF_HOST_KEYS else []
-    if any(not one.startswith(_WHOLE) and one.lower() != "none" for one in files):
+    if lower in _OF_HOST_KEYS and any(not one.startswith(_WHOLE) and one.lower() != "none" for one in split(value)):
         # a project that was cloned has one: it would decide which host is believed to be a robot
         here = f"'{name[:60]} {value[:60]}' is a file of whatever folder srprov runs in"
         raise ValueError(f"{here}; name it whole, such as {{{{ inventory_dir }}}}/known_hosts")
-    return name.lower(), value
+    return lower, value

@@ -14,6 +14,9 @@ _PIECE = re.compile(
     re.DOTALL,
 )
 
+_QUOTES = frozenset("'\"\\#")
+_PLAIN = re.compile(r"[^ \t\r\n]+")
+
 
 def split(text: str, *, comments: bool = False) -> tuple[str, ...]:
     """Return the words of a command line; with `comments` a `#` outside of quotes hides the rest of its line.
@@ -21,6 +24,8 @@ def split(text: str, *, comments: bool = False) -> tuple[str, ...]:
     Raises:
         ValueError: A quote is not closed, or nothing follows the last backslash.
     """
+    if _QUOTES.isdisjoint(text):
+        return tuple(_PLAIN.findall(text))
     words: list[list[str]] = []
     position, between = 0, True
     while position < len(text):

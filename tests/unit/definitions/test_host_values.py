@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from srprov.definitions import host_values, hostvars, load_inventory, schema, sshargs
+from srprov.definitions import groups, host_values, hostvars, load_inventory, schema, sshargs
 from srprov.errors import DefinitionError
+from srprov.secret import Secret
 
 
 def inventory(folder: Path, hosts: str, variables: str) -> Path:
@@ -79,6 +80,59 @@ def test_what_all_hosts_have_together_has_a_limit(own: str, tmp_path: Path, monk
         load_inventory([inventory(tmp_path, "h[1:9900]:", f"    {own}\n")])
     assert f"with '{own.partition(':')[0]}', the hosts have more than" in raised.value.problems[-1].message
     assert len(made) < 4000
+
+
+NAME = "{{inventory_hostname}}"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        f"-oHostKeyAlias={NAME} " + " ".join(f"-oA={number}" for number in range(36)),
+        f"-oHostKeyAlias={NAME}" + " '-oA=1'" * 30,
+        f"-oProxyCommand={NAME}" + "|&(;" * 80,
+    ],
+)
+def test_what_is_taken_apart_for_each_host_counts_by_its_words(tmp_path: Path, arguments: str) -> None:
+    with pytest.raises(DefinitionError) as raised:
+        load_inventory([inventory(tmp_path, "h[1:9900]:", f'    ansible_ssh_args: "{arguments}"\n')])
+    assert "with 'ansible_ssh_args', the hosts have more than" in raised.value.problems[-1].message
+
+
+def test_ten_thousand_hosts_with_arguments_of_their_own_are_read(tmp_path: Path) -> None:
+    own = f"-o HostKeyAlias={NAME} -o ProxyCommand='ssh -W %h:%p jump-{NAME}.example.com' -o ServerAliveInterval=30"
+    text = f"    ansible_host: 'h-{NAME}.lab.example.com'\n    ansible_ssh_args: {own} -o StrictHostKeyChecking=yes\n"
+    assert len(load_inventory([inventory(tmp_path, "h[1:9999]:", text)]).hosts) == 9999
+
+
+def groups_of_all(folder: Path, count: int, hosts: str) -> Path:
+    """Write an inventory of groups of the same hosts, each with every variable that may be text, and others."""
+    texts = [*sorted(hostvars.READ - {"srprov_slots", "srprov_bandwidth_mbit"}), *(f"v{number}" for number in range(9))]
+    odd = {"ansible_port": "22", "ansible_ssh_port": "22", "ansible_connection": "ssh"}
+    odd.update(dict.fromkeys(("ansible_ssh_args", "ansible_ssh_common_args", "ansible_ssh_extra_args"), "'-4'"))
+    variables = ", ".join(f"{key}: {odd.get(key, '10.0.0.0/8' if 'underlay' in key else 'true')}" for key in texts)
+    lines = (f"    g{number}: {{hosts: {{'{hosts}': }}, vars: {{{variables}}}}}\n" for number in range(count))
+    path = folder / "inv.yml"
+    path.write_text("all:\n  children:\n" + "".join(lines))
+    return path
+
+
+def test_groups_are_put_together_once_for_all_that_are_in_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+    priority = groups._priority
+    monkeypatch.setattr(groups, "_priority", lambda group: asked.append(group.name) or priority(group))
+    assert len(load_inventory([groups_of_all(tmp_path, 20, "h[1:500]")]).hosts) == 500
+    assert len(asked) == 21
+
+
+def test_a_password_that_all_hosts_have_is_made_a_secret_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[str] = []
+    monkeypatch.setattr(hostvars, "Secret", lambda text: made.append(text) or Secret(text))
+    hosts = load_inventory([inventory(tmp_path, "h[1:500]:", "    ansible_password: pass-word\n")]).hosts
+    assert made == ["pass-word"]
+    assert {host.password for host in hosts.values()} == {Secret("pass-word")}
 
 
 def test_ten_thousand_hosts_with_what_people_write_are_read(tmp_path: Path) -> None:
