@@ -44,8 +44,8 @@ exec chroot /tmp sh -c "cd /folder; $2"
 """
 _ESCAPED = r"sed 's/\\/\\134/g; s/ /\\040/g; s/\t/\\011/g'"
 MOUNTED = (
-    f'top=$(printf %s "${{root%/}}" | {_ESCAPED}); mounted=$(while read -r _ _ _ _ at _; do case $at in '
-    '"$top"/?*) printf "%s\\n" ".${at#"$top"}" ;; esac; done </proc/self/mountinfo | head -c 65536); '
+    f'top=$(printf %s "${{root%/}}" | {_ESCAPED}); mounted=$(while read -r _ _ _ _ at _; do rest=${{at#"$top"/}}; '
+    '[ "$rest" = "$at" ] || [ ! "$rest" ] || printf "./%s\\n" "$rest"; done </proc/self/mountinfo | head -c 65536); '
 )
 """Has the shell's `$mounted` say what is mounted below the folder of its `$root`, by lines, with blanks, tabs and
 backslashes as `/proc/self/mountinfo` has them."""

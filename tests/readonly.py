@@ -8,8 +8,11 @@ violation, never passed over: here-documents, functions, backquotes, a command's
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+
+from srprov.sandbox import _ENTER, _ESCAPED
 
 
 class NotUnderstood(ValueError):
@@ -267,6 +270,8 @@ def _flock(words: Sequence[str]) -> bool:
 
 
 def _sed(words: Sequence[str]) -> bool:
+    if ["sed", *words] == shlex.split(_ESCAPED):
+        return True
     return list(words[:1]) == ["-n"] and not any("w" in word.rpartition("/")[2] for word in words[1:])
 
 
@@ -336,7 +341,7 @@ READS: dict[str, Callable[[Sequence[str]], bool]] = {
     "set": lambda words: (
         list(words[:1]) == ["--"] or set(words) <= {"-e", "-u", "-f", "+f"}
     ),  # behind `--`: the shell's own words
-    "export": _only("PATH", "LC_ALL", "SRPROV_SESSION"),
+    "export": _only("PATH", "LC_ALL", "SRPROV_SESSION", "mounted"),
     "date": _date,
     "sed": _sed,
     "sort": _no_option("-o", "--output"),
@@ -357,7 +362,9 @@ READS: dict[str, Callable[[Sequence[str]], bool]] = {
     "iw": lambda words: list(words[:1]) == ["dev"] and list(words[2:]) == ["link"],
     "modprobe": lambda words: list(words[:1]) == ["-n"],
     "chronyc": lambda words: list(words) == ["-c", "-n", "tracking"],
-    "base64": lambda words: not words,
+    "base64": lambda words: list(words) in ([], ["-w", "0"]),
+    "realpath": lambda words: list(words[:2]) == ["-e", "--"],
+    "unshare": lambda words: list(words) == ["-m", "true"],
     "dpkg-query": lambda words: list(words[:2]) == ["-W", "-f"] and len(words) == 3,
     "apt-cache": _apt_cache,
     "setpriv": _setpriv,
@@ -394,6 +401,8 @@ def _violations(words: Sequence[Word]) -> list[str]:
         return _violations(words[1:]) if words[1:] else []
     if name.text == "timeout":
         return _violations(words[2:]) if len(words) > 2 and rest[0].isdigit() else [shown]
+    if name.text == "unshare" and rest[:5] == ["-m", "sh", "-c", _ENTER, "sh"] and rest[7:8] == ["ro"]:
+        return shell_violations(rest[6])  # in a mount namespace of its own, where nothing can be written
     if name.text == "eval":
         return shell_violations(rest[0]) if len(words) == 2 and words[1].literal else [shown]
     if name.text == "sh":

@@ -49,10 +49,10 @@ ROOMS: Mapping[str, Room] = {
         "click rich tomli",
     ),
     "controller": room(
-        "believed whose codes errors hashing layers regular_file robot_answers wire session container_files led resource"
-        " secret secret_files data datasets disk owner private untrusted time_sync sizes image_reference git_address"
-        " git linear_regex names definitions transport facts assignment network images rendering modules planning"
-        " execution record trials probing plain_tar exporting snapshot yamldoc own_records"
+        "believed whose codes errors hashing layers regular_file robot_answers wire session container_files resource"
+        " led secret secret_files data datasets disk owner private untrusted time_sync sizes image_reference"
+        " git_address git linear_regex names definitions transport facts assignment network images rendering modules"
+        " planning execution record trials probing plain_tar exporting snapshot yamldoc own_records"
     ),
     "datasets": room("believed private regular_file untrusted"),
     "disk": room("regular_file images.plan"),
