@@ -38,6 +38,9 @@ for name in $4; do
   mkdir -p /tmp/etc && : >"/tmp/etc/$name" && mount --bind "/etc/$name" "/tmp/etc/$name" &&
     mount -o remount,bind,ro "/tmp/etc/$name" || exit {NO_SANDBOX}
 done
+for name in $5; do
+  [ ! -d "/tmp/$name" ] || mount -t tmpfs -o ro,mode=755,size=4k srprov "/tmp/$name" || exit {NO_SANDBOX}
+done
 mount -c --bind . /tmp/folder && mount -o "remount,bind,$3,nodev,nosuid,noexec" /tmp/folder || exit {NO_SANDBOX}
 mount -o remount,ro,nosuid,nodev,noexec /tmp || exit {NO_SANDBOX}
 exec chroot /tmp sh -c "cd /folder; $2"
@@ -69,15 +72,18 @@ _WATCHED = (
 )
 
 
-def sandboxed(root: str, script: str, real: str = "", *, way: str = "ro") -> str:
+def sandboxed(root: str, script: str, real: str = "", *, way: str = "ro", hidden: str = "") -> str:
     """Return a script that runs another one in a folder of the robot, which is its working folder at the start.
 
     The inner one ends with `exit` or its last status, reads only, unless the way is `rw`, and sees the folder under
     another name, without what is mounted in it, which its `$mounted` names (`MOUNTED`). Nothing is read where the
-    folder's path leads elsewhere than to `real`, if that is known.
+    folder's path leads elsewhere than to `real`, if that is known; `hidden` names folders of the robot's programs that
+    are empty in there.
     """
     same = f'[ "$root" = {quote(real)} ] || exit {ELSEWHERE}; ' if real else ""
-    return f"root=$(realpath -e -- {quote(root)} 2>/dev/null) || exit {MISSING}; {same}{_closed(script, way, '')}"
+    return (
+        f"root=$(realpath -e -- {quote(root)} 2>/dev/null) || exit {MISSING}; {same}{_closed(script, way, '', hidden)}"
+    )
 
 
 def inside(root: str, path: str, script: str, real: str = "", *, way: str = "ro", first: str = "") -> str:
@@ -116,13 +122,13 @@ def sandboxed_reading(script: str) -> str:
     return _ROOT + _closed(script, "ro", _NAMES)
 
 
-def _closed(script: str, way: str, known: str) -> str:
+def _closed(script: str, way: str, known: str, hidden: str = "") -> str:
     inside = quote(script)
     return (
         f"{MOUNTED}export mounted; "
         f'if [ "$(id -u)" != 0 ]; then cd -- "$root" || exit {MISSING}; exec sh -c {inside}; fi; '
         f"unshare -m true || exit {NO_SANDBOX}; "
-        f'exec unshare -m sh -c {quote(_ENTER)} sh "$root" {inside} {way} {quote(known)}'
+        f'exec unshare -m sh -c {quote(_ENTER)} sh "$root" {inside} {way} {quote(known)} {quote(hidden)}'
     )
 
 

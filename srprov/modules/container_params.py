@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, Literal
@@ -13,6 +14,7 @@ from srprov.modules import run_limits
 from srprov.modules.params import ParameterError, check_ipv4, check_mac
 from srprov.published import ranges
 
+_API = re.compile(r"(?:[0-9]{1,3}(?:\.[0-9]{1,4}){0,2})?")
 KEPT = frozenset({"ROS_STATIC_PEERS"})
 """Variables whose values are no part of a container's hash, nor of what a plan tells: others would be hidden there."""
 
@@ -71,6 +73,8 @@ class ContainerParams(msgspec.Struct, frozen=True, kw_only=True):
             raise ParameterError("network", "network: only who is on the overlay has a 'mac'")
         if self.network.ip and self.network.mode not in ("overlay", "both"):
             raise ParameterError("network", f"network: {self.network.mode} has no 'ip'")
+        if not _API.fullmatch(self.api):
+            raise ParameterError("api", f"api: '{self.api[:40]}' is no version of an engine's API")
         if self.run.mounts:
             raise ParameterError("run", "run: mounts stand beside it, in the engine's form")
         if strange := sorted(self.made_with.keys() - KEPT):

@@ -163,4 +163,16 @@ def _converted(
             check_text(str(key), at): _value(_options(inner[1]), one, f"{at}.{key}", blobs)
             for key, one in value.items()
         }
-    return read_params(hint, value, blobs, at=f"{at}.") if base is Mapping else value
+    return read_params(hint, value, blobs, at=f"{at}.") if base is Mapping else _checked(value, at)
+
+
+def _checked(value: Any, at: str) -> Any:  # noqa: ANN401 - any JSON
+    """Return a value of any form; the engine would read half a character as another one, and compare other texts."""
+    if isinstance(value, str):
+        check_text(value, at, nul=True)
+    for key, one in (
+        value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list) else ()
+    ):
+        check_text(str(key), at, nul=True)
+        _checked(one, f"{at}.{key}")
+    return value

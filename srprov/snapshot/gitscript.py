@@ -26,6 +26,9 @@ MOST_NAMES = 16 << 10
 _SHORT_S, _LONG_S = 3, 10
 TIMEOUT_S = 8 * _SHORT_S + 2 * _LONG_S + 10
 """Of all that is asked of one repository."""
+_HIDDEN = "usr/local usr/src"
+"""Of the robot's programs, what people keep repositories in that nobody else may read."""
+_LINKS = "-type l -print -quit"
 LIMITS = ("--nproc=0:0", "--fsize=0:0", "--core=0:0", "--data=1073741824:1073741824", "--cpu=20:20")
 _ENVIRONMENT = (
     "PATH=/usr/local/bin:/usr/bin:/bin", "LC_ALL=C", "HOME=/nonexistent", "GIT_CONFIG_NOSYSTEM=1",
@@ -93,7 +96,9 @@ def script(found: Found, *, root: bool) -> str:
         ValueError: Its path holds a NUL byte.
     """
     if root:
-        return sandboxed(found.folder, _script(Found(folder=INSIDE, uid=found.uid), root=True), found.folder)
+        return sandboxed(
+            found.folder, _script(Found(folder=INSIDE, uid=found.uid), root=True), found.folder, hidden=_HIDDEN
+        )
     return _script(found, root=False)
 
 
@@ -110,8 +115,7 @@ def _script(found: Found, *, root: bool) -> str:
         f"[ ! -s {place}/objects/info/alternates ] || {{ echo 'odd alternates'; exit 0; }}",
         f"[ ! -e {folder}/.gitmodules ] || echo 'odd submodules'",
     ]
-    if not root:
-        lines.append(f"[ -z \"$(find {place} -type l -print -quit 2>&1)\" ] || {{ echo 'odd links'; exit 0; }}")
+    lines.append(f"[ -z \"$(find {place} {_LINKS} 2>&1)\" ] || {{ echo 'odd links'; exit 0; }}")
     if root and found.uid == 0:
         other = f"timeout {_LONG_S} find {folder} -xdev ! -uid 0 -printf x -quit 2>/dev/null"
         lines.append(f"o=$({other}); [ -z \"$o\" ] || {{ echo 'odd mixed'; exit 0; }}")

@@ -26,6 +26,10 @@ _OWN_FILES = {"/etc/hosts": "HostsPath", "/etc/hostname": "HostnamePath", "/etc/
 """What an engine mounts into each container that was started, and what it calls that."""
 _SRPROVS = ("/var/lib/srprov/", "/run/srprov/")
 """Below which srprov keeps what containers read alone: trees, data sets and secrets."""
+_NO_ID = "\0"
+_LONGEST_LINK = 4096
+"""Bytes that Linux takes."""
+_MOST_MOUNTED = 5000
 _AT_REST = ("created", "exited", "dead")
 _MOST_MOUNTS = 1000
 """Of a container: an EDF names no more, but images may."""
@@ -47,6 +51,7 @@ class About(msgspec.Struct, frozen=True, kw_only=True):
     """What an engine says of a container."""
 
     running: bool
+    id: str = ""
     mounts: tuple[Mount, ...] = ()
     merged: str = ""
     """Folder of the robot where its files lie while it runs, without what is mounted; or nothing."""
@@ -120,6 +125,7 @@ def about(inspected: object) -> About:
     mounts += [Mount(at=at, source=source) for at, source in paths.items() if source and at not in taken]
     return About(
         running=string(mapping(found.get("State")).get("Status")) not in _AT_REST,
+        id=string(found.get("Id")) or _NO_ID,
         mounts=tuple(mounts),
         merged=absolute(mapping(graph.get("Data")).get("MergedDir")) if graph.get("Name") == "overlay2" else "",
         read_only=mapping(found.get("HostConfig")).get("ReadonlyRootfs") is True,
@@ -136,7 +142,8 @@ def _place(destination: str) -> str:
 
 def has_paths(one: About) -> bool:
     """Return whether a container has, or may have, a path of the robot's, of which nobody knows who else has it."""
-    given = [mount for mount in one.mounts if mount.at not in _OWN_FILES and not mount.source.startswith(_SRPROVS)]
+    own = tuple(f"/containers/{one.id}/{posixpath.basename(at)}" for at in _OWN_FILES)
+    given = [mount for mount in one.mounts if not (mount.source.startswith(_SRPROVS) or mount.source.endswith(own))]
     return one.too_many or not all(mount.volume for mount in given)
 
 
@@ -159,7 +166,7 @@ def view(one: About, said: str) -> View:
     """
     *found, points = decoded(said).split(b"\0")
     mounted = [_ESCAPED.sub(lambda match: bytes([int(match[1], 8) & 255]), line) for line in points.splitlines()]
-    if len(found) != 1 + len(one.mounts):
+    if len(found) != 1 + len(one.mounts) or len(mounted) > _MOST_MOUNTED:
         return View(())
     root = Mount(at="/", source=one.merged, writable=not one.read_only)
     there = one.merged and one.running and found[0][1:] in mounted
@@ -200,7 +207,7 @@ def looked(said: str) -> Mapping[str, Found]:
     words, found = decoded(said).split(b"\0"), dict[str, Found]()
     for name, about_it, link in zip(words[::3], words[1::3], words[2::3], strict=False):
         kind, _, size = about_it.decode("ascii", "replace").partition(" ")
-        if kind:
+        if kind and len(link) <= _LONGEST_LINK:
             found[text_of(name)] = Found(kind, int(size[:18]) if size.isdecimal() else 0, text_of(link))
     return found
 

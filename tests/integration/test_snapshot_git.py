@@ -5,10 +5,13 @@ from __future__ import annotations
 import os
 import subprocess
 from pathlib import Path
+from unittest import mock
 
 import pytest
 
-from srprov.snapshot.gitscript import Found, script
+from srprov.sandbox import sandboxed
+from srprov.snapshot import gitscript
+from srprov.snapshot.gitscript import _HIDDEN, Found, script
 from srprov.snapshot.notes import Notes
 from srprov.snapshot.repositories import Repository, parse_repository
 from tests.traps import BAIT, START, TRAPS
@@ -112,10 +115,20 @@ def test_no_repository_of_others_is_read_by_links(tmp_path: Path) -> None:
         (git / "refs" / refs).symlink_to(private / "refs" / "heads")
     (git / "HEAD").write_text((private / "HEAD").read_text())
     (git / "config").write_text('[remote "origin"]\n\turl = https://git.example/x.git\n')
-    found, notes = ask(place)
-    assert found is None and notes == ["has no commit, or cannot be read by its owner with plain git"]
-    found, notes = ask(place, root=False)
-    assert found is None and notes == ["has links among git's files: it is not read"]
+    for root in (True, False):
+        assert ask(place, root=root) == (None, ["has links among git's files: it is not read"])
+    # one that comes after that look leads nowhere
+    with mock.patch.object(gitscript, "_LINKS", "-type l -false -print -quit"):
+        assert ask(place) == (None, ["has no commit, or cannot be read by its owner with plain git"])
+
+
+@pytest.mark.skipif(not ROOT, reason="only root closes a folder off")
+def test_a_link_leads_to_no_repository_beside_the_robots_programs(tmp_path: Path) -> None:
+    words = sandboxed(
+        str(tmp_path), "ls -A /usr/local /usr/src | grep -v : | tr -d '\\n'; ls /usr/bin/git", hidden=_HIDDEN
+    )
+    ran = subprocess.run(["sh", "-c", words], capture_output=True, text=True, check=False)
+    assert ran.stdout == "/usr/bin/git\n", ran
 
 
 def test_what_cannot_be_read_is_named(tmp_path: Path) -> None:

@@ -31,3 +31,19 @@ def test_addresses_have_one_spelling(mac: str) -> None:
     for ip in ("::ffff:10.0.0.7", "10.0.0.07", "10.0.7", "0x0a000007", "10.0.0.7 "):
         with pytest.raises(ParameterError, match="is no IPv4 address"):
             container(ip=ip)
+
+
+@pytest.mark.parametrize(
+    "more", [{"Target": "/a\udcff"}, {"VolumeOptions": {"\ud800": [1]}}, {"Options": [["\udfff"]]}]
+)
+def test_no_text_of_any_form_holds_half_a_character(more: dict[str, object]) -> None:
+    """An engine reads another one there than a shell, and what was compared is what neither has."""
+    mount = {"Type": "volume", "Source": "srprov.hello.v", "Target": "/v", **more}
+    with pytest.raises(ParameterError, match="half a character"):
+        resource("container", "srprov.hello.web", {**SAID, "mounts": [mount]})
+
+
+@pytest.mark.parametrize("api", ["9" * 5000, "1.x", "1.41\n", "-1"])
+def test_the_version_of_an_api_is_one(api: str) -> None:
+    with pytest.raises(ParameterError, match="is no version of an engine's API"):
+        resource("container", "srprov.hello.web", {**SAID, "api": api})

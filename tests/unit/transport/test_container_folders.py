@@ -34,12 +34,15 @@ class World:
         self.merged, self.data, self.maps = folder / "merged", folder / "data", folder / "maps"
         for one in (self.merged, self.data, self.maps):
             one.mkdir()
-        (folder / "own-hosts").write_text("hosts")
+        own = folder / "containers" / "c1" / "hosts"
+        own.parent.mkdir(parents=True)
+        own.write_text("hosts")
         self.version, self.status, self.having = OLD, "running", "[]"
         self.inspected: dict[str, Any] = {
             "State": {"Status": self.status},
             "GraphDriver": {"Name": "overlay2", "Data": {"MergedDir": str(self.merged)}},
-            "HostsPath": f"{folder}/own-hosts",
+            "Id": "c1",
+            "HostsPath": str(own),
             "Mounts": [
                 {"Type": "volume", "Name": "d", "Source": str(self.data), "Destination": "/data", "RW": True},
                 {"Type": "bind", "Source": str(self.maps), "Destination": "/maps", "RW": False},
@@ -159,7 +162,7 @@ def test_a_folder_or_file_comes_as_a_tar(world: World, session: Session) -> None
     }  # fmt: skip
     assert names(session.copy_out("c", "/data/run/link")) == {"./link": None}
     assert names(session.copy_out("c", "/w/file")) == {"./file": b"content"}
-    assert names(session.copy_out("c", "/etc/hosts")) == {"./own-hosts": b"hosts"}
+    assert names(session.copy_out("c", "/etc/hosts")) == {"./hosts": b"hosts"}
     assert set(names(session.copy_out("c", "/data"))) == {".", "./run", "./run/link", "./run/deep", "./run/deep/big"}
     assert not world.asked_engine
 
@@ -279,6 +282,9 @@ CHOICES: dict[str, tuple[Callable[[World], object], str, str]] = {
                 w.inspected["Mounts"][1],
             ])),
         "/w", "it has more mounts than are looked at"),
+    "it does not run, and has a bind where an engine has its own": (
+        lambda w: (w.inspected["Mounts"][1].update(Destination="/etc/hosts"), setattr(w, "status", "exited")),
+        "/w", "it does not run, and others"),
     "it restarts": (lambda w: setattr(w, "status", "restarting"), "/data", "folder"),
     "another store": (lambda w: w.inspected.update(GraphDriver=None), "/w", "have no folder on the robot"),
     "another store, in the volume": (lambda w: w.inspected.update(GraphDriver=None), "/data", "folder"),
