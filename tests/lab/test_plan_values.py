@@ -144,8 +144,8 @@ def test_a_stale_plan_names_values_and_a_forged_one_is_refused(site: Site, tmp_p
     step = next(one for one in json.loads(shown)["steps"] if one["name"] == "srprov.values.env")
     assert {"field": "environment.RATE", "old": "2", "new": "4"} in step["differences"]
     Path(forged).write_text(shown.replace('"old": "2"', '"old": "3"'))
-    lied = site.run("apply", "--yes", "--adopt", file=forged, code=5)
-    assert "differences" in lied.err and "was 3, is 2" in lied.err
+    lied = site.run("apply", "--yes", "--adopt", file=forged, code=9)
+    assert "this plan was not written on this controller, and would change instance 'values'" in lied.err
 
     site.write(env={"environment": {"RATE": "3", "WORD": "a b"}}, cmd={"command": ["sleep", "90000"]})
     site.run("apply", "--yes", "--settle", "0", "--no-probe")

@@ -105,6 +105,7 @@ plausible = {
     ),
     "wireguard": st.lists(st.sampled_from(["tools", "kernel", "userspace"]) | raw, max_size=4).map("\n".join),
     "rules": st.lists(st.sampled_from(["nftables", "iptables", "none"]) | raw, max_size=4).map("\n".join),
+    "hidden": st.lists(st.lists(link, max_size=3).map(json.dumps) | raw, max_size=3).map("\n".join),
     "traffic": counters,
 }
 engine = shaped(("Version", "ApiVersion", "Arch", "Driver", "DockerRootDir", "SecurityOptions")) | json_values
