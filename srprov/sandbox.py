@@ -9,12 +9,13 @@ device cannot be opened, and no hard link reaches what lies beyond. Who is not r
 from __future__ import annotations
 
 import posixpath
+import re
 
 from srprov.wire import quote
 
-MISSING, LED_OUT, NO_SANDBOX, ELSEWHERE = 44, 45, 47, 48
+MISSING, LED_OUT, NO_SANDBOX, ELSEWHERE, HAS_MOUNT = 44, 45, 47, 48, 50
 """Exit statuses: what is asked for is gone; a link leads out of the folder; it could not be closed off; another one is
-in its place."""
+in its place; something else is mounted in it."""
 NOT_CLOSED = "its folder cannot be closed off from the robot's other files; unshare and mount of util-linux do that"
 """What `NO_SANDBOX` means, in words."""
 
@@ -52,13 +53,14 @@ MOUNTED = (
 )
 """Has the shell's `$mounted` say what is mounted below the folder of its `$root`, by lines, with blanks, tabs and
 backslashes as `/proc/self/mountinfo` has them."""
-NONE_MOUNTED = '[ ! "$mounted" ] || { echo "something else is mounted in it: $mounted" >&2; exit 1; }; '
+NONE_MOUNTED = f'[ ! "$mounted" ] || {{ echo "something else is mounted in it: $mounted" >&2; exit {HAS_MOUNT}; }}; '
 MOUNTS_SEEN = f"""set -f; IFS='
 '; whole="./${{folder:+$folder/}}${{what#./}}"; whole=$(printf %s "${{whole%/}}" | {_ESCAPED}); for one in $mounted; do
 case "$whole/" in "$one"/*) printf 'M 0 %s\\0\\0H\\0' "$what"; exit 0 ;; esac
 case $one in "$whole"/*) printf 'M 0 %s\\0\\0' "${{what%/}}/${{one#"$whole"/}}" ;; esac
 done; """
 """Says within `inside` what is mounted in a path, as `listing.py` takes it; ends where the path is in a mount."""
+_OCTAL = re.compile(rb"\\([0-3][0-7]{2})")
 _ROOT = f'root=$(realpath -e -- "$root" 2>/dev/null) || exit {MISSING}; '
 _NAMES = "passwd group"
 _WHY_NOT = (
@@ -70,6 +72,11 @@ _WATCHED = (
     "{{ cat <&3; kill $job; }} >/dev/null 2>&1 & watch=$!; exec 3<&-; "
     "wait $job; status=$?; kill $watch; exit $status"
 )
+
+
+def named(mounted: bytes) -> bytes:
+    """Return the path of a mount as it is, of one that `/proc/self/mountinfo` has."""
+    return _OCTAL.sub(lambda one: bytes([int(one[1], 8)]), mounted)
 
 
 def sandboxed(root: str, script: str, real: str = "", *, way: str = "ro", hidden: str = "") -> str:

@@ -42,7 +42,7 @@ _AS_PLANNED = re.compile(r"(?m)^as_planned (\S+) (\S+)\n")
 _FILL = re.compile(r"to=\$\(docker volume .* (\S+)\) && tar -xf (\S+) .*--strip-components=1")
 _TAKE_PLACE = re.compile(r"from=\$\(docker volume .* (\S+)\) && to=\$\(docker volume .* (\S+)\) && sync")
 _EMPTIED = re.compile(
-    r"\[ -d /var/lib/docker/\S+ \] \|\| \{ echo [^\n]* exit 1; \}; "
+    r"\[ -d /var/lib/docker/\S+ \] \|\| \{ echo [^\n]* exit 50; \}; "
     r"\[ ! -d /var/lib/docker/(?:volumes/([^/\s]+)/_data|overlay2/[0-9a-f]{64}/diff) ] \|\| "
 )
 _TOLD = re.compile(r"docker (volume|container) inspect --format .* -- (\S+)\Z", re.DOTALL)

@@ -17,7 +17,7 @@ import re
 from collections.abc import Mapping
 
 from srprov.modules.container_commands import stop
-from srprov.sandbox import MOUNTED, NO_SANDBOX, NONE_MOUNTED, NOT_CLOSED, sandboxed_writing
+from srprov.sandbox import HAS_MOUNT, MOUNTED, NO_SANDBOX, NONE_MOUNTED, NOT_CLOSED, sandboxed_writing
 from srprov.session import Progress, Session
 from srprov.untrusted import absolute, mapping, mappings, string
 from srprov.wire import EngineCall, EngineQuery, Query, Reply, Run, quote
@@ -79,7 +79,7 @@ def emptied(call: EngineCall, session: Session, progress: Progress) -> Reply | N
     if not folders:
         return None
     reply = session.execute(Run(script="\n".join(map(_emptying, folders)), timeout_s=_LONGEST_S), progress)
-    held = "" if "mounted" in reply.err else f"\n{_HELD}"
+    held = "" if reply.status == HAS_MOUNT else f"\n{_HELD}"
     why = NOT_CLOSED if reply.status == NO_SANDBOX else f"{reply.err.strip()}{held}"
     return None if reply.ok else Reply(status=reply.status, ok=False, err=f"its files cannot be removed: {why}")
 
@@ -104,7 +104,7 @@ def _emptying(folder: str) -> str:
     # an engine in a mount namespace of its own has its files where this shell sees none
     store = posixpath.dirname(posixpath.dirname(folder))
     there = f"[ -d {quote(store)} ] || {{ echo {quote(_UNSEEN)} >&2; exit 1; }}"
-    mounted = f"! mountpoint -q {quote(folder)} 2>/dev/null || {{ echo {quote(_MOUNTED)} >&2; exit 1; }}"
+    mounted = f"! mountpoint -q {quote(folder)} 2>/dev/null || {{ echo {quote(_MOUNTED)} >&2; exit {HAS_MOUNT}; }}"
     there = f"{there}; {mounted}; root={quote(folder)}; {MOUNTED}{NONE_MOUNTED}"
     return f"{there}[ ! -d {quote(folder)} ] || {{ {clear} && {renamed}; }} && {clear} || exit"
 

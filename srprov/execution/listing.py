@@ -11,6 +11,8 @@ import json
 import re
 from typing import NamedTuple
 
+from srprov.sandbox import named
+
 MOST_FILES = 250_000
 MOST_BYTES = 64 << 20
 MOST_NAMES = 24 << 20
@@ -24,7 +26,6 @@ _LONGEST_LINK = 256
 """Bytes of where a link leads, which is only told."""
 _ENTRY = re.compile(rb"(?P<kind>[a-zA-Z?]) (?P<size>[0-9]{1,15}) \./+(?P<path>.+)", re.DOTALL)
 _HASH = re.compile(rb"\\?(?P<hash>[0-9a-f]{64}) [ *]\./+(?P<path>.+)", re.DOTALL)
-_OCTAL = re.compile(rb"\\([0-3][0-7]{2})")
 _STATUS = re.compile(rb"=([0-9]{1,3})")
 
 
@@ -135,7 +136,7 @@ def _seen(entries: list[Entry]) -> list[Entry]:
 def _path(kind: bytes, said: bytes) -> str:
     """Return the path of an entry; that of a mount is as `/proc/self/mountinfo` has it."""
     if kind == MOUNT.encode():
-        said = _OCTAL.sub(lambda one: bytes([int(one[1], 8)]), said)
+        said = named(said)
     return _text(said.removesuffix(b"/.") if kind == UNREAD.encode() else said)
 
 

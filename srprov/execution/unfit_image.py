@@ -9,11 +9,11 @@ what it is, so it is looked at right after it came.
 from __future__ import annotations
 
 from srprov.layers import architecture_of, foreign
-from srprov.modules.image import ImageParams
+from srprov.modules.image import ImageParams, untag
 from srprov.planning.plan import Step
 from srprov.session import Session
 from srprov.untrusted import mapping
-from srprov.wire import EngineCall, EngineQuery, Reply
+from srprov.wire import EngineQuery, Reply
 
 _LONGEST = 1 << 20
 """Characters of what an engine says of an image."""
@@ -39,9 +39,7 @@ def unfit(step: Step, session: Session) -> Reply | None:
     why = _other(want, reply) or _too_much(reply)
     if not why:
         return None
-    # what it was built on, and has no name, may be somebody else's
-    keep = (("noprune", "true"),)
-    session.execute(EngineCall(method="DELETE", path=f"/images/{step.name}", params=keep, accept=(200, 404, 409)))
+    session.execute(untag(step.name, 200, 404, 409))
     return Reply(status=0, ok=False, err=f"{step.name}: {why}")
 
 

@@ -127,10 +127,12 @@ class ImageModule(Module[ImageParams]):
         built on.
         """
         calls = [(found.name, (200, 404)), *((step, (200, 404, 409)) for step in found.state.get("steps", ()))]
-        keep = (("noprune", "true"),)
-        return tuple(
-            EngineCall(method="DELETE", path=f"/images/{name}", params=keep, accept=codes) for name, codes in calls
-        )
+        return tuple(untag(name, *codes) for name, codes in calls)
+
+
+def untag(name: str, *accept: int) -> EngineCall:
+    """Return what takes a name from an image, and leaves what that was built on."""
+    return EngineCall(method="DELETE", path=f"/images/{name}", params=(("noprune", "true"),), accept=accept)
 
 
 def names_of(item: Mapping[str, Any]) -> list[str]:

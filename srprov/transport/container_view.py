@@ -19,6 +19,7 @@ from collections.abc import Mapping, Sequence
 import msgspec
 
 from srprov.led import led_of
+from srprov.sandbox import named
 from srprov.untrusted import absolute, mapping, mappings, string
 from srprov.wire import quote
 
@@ -35,7 +36,6 @@ _MOST_MOUNTS = 1000
 """Of a container: an EDF names no more, but images may."""
 _REMAPPED = re.compile(r"/[0-9]+\.[0-9]+/containers/", re.ASCII)
 """Where an engine that remaps users keeps its containers."""
-_ESCAPED = re.compile(rb"\\([0-7]{3})")
 
 
 class Mount(msgspec.Struct, frozen=True, kw_only=True):
@@ -165,7 +165,7 @@ def view(one: About, said: str) -> View:
     What leads elsewhere than when the container was made is not there: a link came in its way since.
     """
     *found, points = decoded(said).split(b"\0")
-    mounted = [_ESCAPED.sub(lambda match: bytes([int(match[1], 8) & 255]), line) for line in points.splitlines()]
+    mounted = [named(line) for line in points.splitlines()]
     if len(found) != 1 + len(one.mounts) or len(mounted) > _MOST_MOUNTED:
         return View(())
     root = Mount(at="/", source=one.merged, writable=not one.read_only)
