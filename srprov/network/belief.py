@@ -84,7 +84,9 @@ def believe(
             notes += (f"{older} than a run of this machine wrote; {', '.join(unsure)} may have the newer one",)
         return Belief(record=best, claimed=best, holders=holders, unsure=unsure, notes=notes)
     if not held:
-        return Belief()
+        gone = "no robot that answers holds a record of this instance"
+        silent = f"{', '.join(away)}, to which a run of this machine gave one, cannot be asked what runs there"
+        return Belief(notes=(f"{gone}, and {silent}",) if away else ())
     most = _most_held(held)
     holders = frozenset(robot for robot, record in held.items() if record is most)
     disputes = _differing(held, most)

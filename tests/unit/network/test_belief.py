@@ -137,6 +137,17 @@ def test_of_one_against_one_the_word_of_whom_it_is_about_counts_more() -> None:
 def test_no_record_is_no_belief() -> None:
     assert believe("hello", seen(), {"r1"}).record is None
     assert believe("other", seen(r1=record()), {"r1"}).record is None
+    assert believe("hello", seen(), {"r1"}).notes == () == believe("hello", seen(("r3",)), {"r1"}).notes
+
+
+def test_that_no_robot_has_a_record_is_said_while_one_that_was_given_it_is_away() -> None:
+    """Root on one removes its own, and what runs on the one that is away would run twice without a remark."""
+    belief = believe("hello", seen(("r1",)), {"r1", "r2"})
+    assert belief.record is None and not belief.doubts
+    assert belief.notes == (
+        "no robot that answers holds a record of this instance, and r1, to which a run of this machine gave one, "
+        "cannot be asked what runs there",
+    )
 
 
 # --- in a plan ----------------------------------------------------------------------------------------------------
