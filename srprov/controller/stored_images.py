@@ -2,7 +2,8 @@
 
 An image is srprov's when it has a content tag and the label of its definition; or when it has no name at all, and is a
 step of a build, or ends with what only srprov's Dockerfiles end with. Labels alone do not tell: whoever builds on an
-image of srprov's inherits them. Robots are asked in two round trips: all images and containers, then more of these.
+image inherits those that it has, and whoever publishes one gives it any. So a step has the label, and what its build is
+based on has not. Robots are asked in two round trips: all images and containers, then more of these.
 """
 
 from __future__ import annotations
@@ -37,6 +38,8 @@ _MOST_STEPS = 500
 _LATEST = 4_000_000_000
 """No image is of a later second: no date can be made of any number."""
 _CONTAINERS = EngineQuery(path="/containers/json", params=(("all", "true"),))
+_IMAGES = EngineQuery(path="/images/json", params=(("all", "true"),))
+"""Those below others too: they tell whose a step is."""
 
 
 class StoredImage(msgspec.Struct, frozen=True, kw_only=True):
@@ -126,8 +129,7 @@ def _store(reader: Reader, *, whole: bool) -> RobotStore:
     Raises:
         TransportError: It or its engine does not answer, or has more than can be looked at.
     """
-    listing = EngineQuery(path="/images/json", params=(("all", "true" if whole else "false"),))
-    first = reader.ask((listing, _CONTAINERS))
+    first = reader.ask((_IMAGES, _CONTAINERS))
     if bad := next((reply for reply in first if not reply.ok), None):
         why = " ".join((bad.err or bad.out).split()) or f"status {bad.status}"
         raise TransportError(
@@ -155,7 +157,9 @@ def _ours(listed: Sequence[Mapping[str, Any]]) -> list[StoredImage]:
     for key, item in by_id.items():
         every = [string(name) for name in names_of(item)]
         tags = tuple(sorted(name for name in every if CONTENT_TAG.fullmatch(name)))
-        if key not in heads or not has_label(string_map(item.get("Labels"))) or (every and not tags):
+        labels = string_map(item.get("Labels"))
+        is_step = _is_marked(item) and not tags
+        if key not in heads or not has_label(labels) or (every and not tags) or (is_step and not _on_base(item, by_id)):
             continue
         if len(found) > _MOST:
             break  # they are too many, which `_store` says
@@ -167,7 +171,7 @@ def _ours(listed: Sequence[Mapping[str, Any]]) -> list[StoredImage]:
             others=tuple(sorted(others)),
             bytes_=integer(item.get("Size")),
             created=integer(item.get("Created"), high=_LATEST),
-            definition="" if _is_step(item) else text(string_map(item.get("Labels")).get(DEFINITION)),
+            definition="" if _is_marked(item) else text(labels.get(DEFINITION)),
             steps=tuple(_steps(key, by_id)),
         )
         found.append(one)
@@ -180,17 +184,30 @@ def _heads(listed: Iterable[Mapping[str, Any]]) -> set[str]:
     return {key for one in listed if (key := string(one.get("Id"))) not in parents or names_of(one)}
 
 
-def _steps(image: str, by_id: Mapping[str, Mapping[str, Any]]) -> Iterable[str]:
-    """Yield the steps of the build below an image, as far down as they are marked and have no name."""
-    below, left = string(by_id[image].get("ParentId")), _MOST_STEPS
-    while left and (item := by_id.get(below)) and not names_of(item):
-        if not _is_step(item):
-            return
-        yield below
-        below, left = string(item.get("ParentId")), left - 1
+def _steps(image: str, by_id: Mapping[str, Mapping[str, Any]]) -> Sequence[str]:
+    """Return the steps of the build below an image, as far down as they are marked and have no name."""
+    row: list[str] = []
+    below = string(by_id[image].get("ParentId"))
+    while len(row) < _MOST_STEPS and (item := by_id.get(below)) and not names_of(item) and _is_marked(item):
+        row.append(below)
+        below = string(item.get("ParentId"))
+    return row if row and _on_base(by_id[row[-1]], by_id) else ()
 
 
-def _is_step(item: Mapping[str, Any]) -> bool:
+def _on_base(item: Mapping[str, Any], by_id: Mapping[str, Mapping[str, Any]]) -> bool:
+    """Return whether a step is one of a build whose base has not the mark: whoever builds on one that has inherits it.
+
+    Where the engine does not tell what it is based on, it is nobody's.
+    """
+    for _ in range(_MOST_STEPS):
+        base = by_id.get(string(item.get("ParentId")))
+        if base is None or names_of(base) or not _is_marked(base):
+            return base is not None and not _is_marked(base)
+        item = base
+    return False
+
+
+def _is_marked(item: Mapping[str, Any]) -> bool:
     return string_map(item.get("Labels")).get(INSTANCE) == BUILD
 
 

@@ -19,7 +19,7 @@ from srprov.modules.container_body import differing
 from srprov.modules.container_commands import creation, hashes, looks, remove, start, stop
 from srprov.modules.container_leftover import BUILD, end_process, left_by_build
 from srprov.modules.container_limits import QUERY as LIMITS
-from srprov.modules.container_limits import changed_limits, limits_of
+from srprov.modules.container_limits import changed_limits, limits_of, of_builds
 from srprov.modules.container_names import container_name, instance_of
 from srprov.modules.container_orders import not_ordered, ordered_commands
 from srprov.modules.container_params import ContainerParams
@@ -69,8 +69,8 @@ class ContainerModule(Module[ContainerParams]):
         """Read the list; the exit code and the health stand in Docker's status text."""
         if not replies[0].ok:
             return ()
-        limits = limits_of(replies[1])
-        return tuple(found for item in mappings(replies[0].json()) if (found := _parse_one(item, limits)))
+        limits, builds = limits_of(replies[1]), of_builds(replies[1])
+        return tuple(found for item in mappings(replies[0].json()) if (found := _parse_one(item, limits, builds)))
 
     def check(self, name: str, want: ContainerParams, found: State | None) -> Change | None:
         """Compare by hash, then by what the process does."""
@@ -174,10 +174,12 @@ def _stop_and_remove(name: str, state: State) -> tuple[Command, ...]:
     return (*end_process(string(state.get("unstarted"))), stop(name, grace), remove(name))
 
 
-def _parse_one(item: Mapping[str, Any], limits: Mapping[str, Mapping[str, str]]) -> Observed | None:
+def _parse_one(
+    item: Mapping[str, Any], limits: Mapping[str, Mapping[str, str]], builds: Collection[str]
+) -> Observed | None:  # fmt: skip
     labels = string_map(item.get("Labels"))
     if labels.get(INSTANCE) == BUILD:
-        return left_by_build(item, _state_of(item, {}))
+        return left_by_build(item, _state_of(item, {}), builds)
     if not (instance := instance_of(item)):
         return None
     state = {**_state_of(item, labels), "limits": limits.get(string(item.get("Id")), {})}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from srprov.resource import Observed
@@ -12,6 +12,8 @@ from srprov.wire import Command, Run
 
 BUILD = ".build"
 """The instance label of containers of a build, which `images/mark.py` sets; no instance has that name."""
+BUILD_HOST = "srprov.build:127.0.0.1"
+"""What containers of a build have in their hosts files, by how the engine is asked for it: no image says that."""
 LISTING = "srprov..packages-"
 """How the name of a container begins that lists an image's packages; one runs only under the lock of its robot."""
 FILLING = "srprov..fill-"
@@ -32,16 +34,18 @@ done 2>/dev/null
 _ID = re.compile(r"[0-9a-f]{12,64}")
 
 
-def left_by_build(item: Mapping[str, Any], state: Mapping[str, Any]) -> Observed | None:
+def left_by_build(item: Mapping[str, Any], state: Mapping[str, Any], builds: Collection[str]) -> Observed | None:
     """Return a container of a build that is over; one that runs may belong to a build that is under way.
 
-    Its label alone says nothing: whoever publishes an image may give it that, and containers of others have it then.
+    Its label alone says nothing: whoever publishes an image may give it that, and containers of others have it then,
+    also of what they build on it. So it has to be one of `builds`, the ids of those that a build of srprov's made.
     One that lists packages counts also while it runs, and may do so for ever: who removes it has the robot's lock.
     """
     names = item.get("Names")
     name = string(names[0]).removeprefix("/") if isinstance(names, list) and names else ""
     own = _OWN.fullmatch(name)
-    of_build = _OF_ENGINE.fullmatch(name) and _IMAGE.fullmatch(string(item.get("Image")))
+    by_engine = _OF_ENGINE.fullmatch(name) and _IMAGE.fullmatch(string(item.get("Image")))
+    of_build = by_engine and string(item.get("Id")) in builds
     if not (of_build and state["state"] != "running") and not own:
         return None
     verb = {LISTING: "a lock", FILLING: "an apply"}[own[1]] if own else "a build"

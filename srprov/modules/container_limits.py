@@ -12,6 +12,7 @@ import re
 from collections.abc import Mapping
 
 from srprov.modules.container_body import engine_body
+from srprov.modules.container_leftover import BUILD_HOST
 from srprov.modules.container_params import ContainerParams
 from srprov.wire import Query, Reply
 
@@ -31,13 +32,14 @@ _NUMBERS = "|".join(key for key in _FIELDS if key not in ("CpusetCpus", "Restart
 _WRITTEN = (
     f'"({_NUMBERS})":-?[0-9]+|"CpusetCpus":"[0-9,-]*"|"RestartPolicy":\\{{"Name":"[a-z-]*","MaximumRetryCount":[0-9]+'
 )
+_OF_BUILD = f'"ExtraHosts":["{BUILD_HOST}"'
 QUERY = Query(
     command=f"""\
 r=/var/lib/docker
 while IFS= read -r l || [ "$l" ]; do
   case $l in *'"data-root"'*) r=${{l#*'"data-root"'}}; r=${{r#*'"'}}; r=${{r%%'"'*}};; esac
 done 2>/dev/null </etc/docker/daemon.json
-grep -EsHo '{_WRITTEN}' "$r"/containers/*/hostconfig.json
+grep -EsHo '{_WRITTEN}|{re.escape(_OF_BUILD)}' "$r"/containers/*/hostconfig.json
 :""",
     in_place=True,
 )
@@ -53,6 +55,12 @@ def limits_of(reply: Reply) -> dict[str, dict[str, str]]:
             policy = _POLICY.fullmatch(match[3])
             found.setdefault(match[1], {})[match[2]] = f"{policy[1]}:{policy[2]}" if policy else match[3].strip('"')
     return found
+
+
+def of_builds(reply: Reply) -> frozenset[str]:
+    """Return the ids of containers that were made for a build of srprov's."""
+    found = (_LINE.search(line) for line in reply.out.split("\n") if line.endswith(_OF_BUILD))
+    return frozenset(match[1] for match in found if match)
 
 
 def changed_limits(want: ContainerParams, found: Mapping[str, str]) -> str:

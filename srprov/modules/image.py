@@ -16,7 +16,7 @@ from typing import Any, Literal
 import msgspec
 
 from srprov.image_reference import is_of_a_build, is_plain, pull_parameters
-from srprov.modules.container_leftover import BUILD
+from srprov.modules.container_leftover import BUILD, BUILD_HOST
 from srprov.modules.module import INSTANCE, Module, Names
 from srprov.modules.params import ParameterError
 from srprov.resource import Action, Change, Observed, State
@@ -168,8 +168,9 @@ def _getting(name: str, want: ImageParams) -> tuple[str, Command]:
         what = pull_parameters(name)
         pull = EngineCall(method="POST", path="/images/create", params=what, stream=True, timeout_s=_LONG_S)
         return "pulled by the robot", pull
-    # rm and forcerm: a failed build leaves no container behind
-    options = (("dockerfile", "Dockerfile"), ("forcerm", "true"), ("rm", "true"), ("t", name))
+    # rm and forcerm: a failed build leaves no container behind; those of a killed one are known by the host
+    ends = (("forcerm", "true"), ("rm", "true"), ("t", name))
+    options = (("dockerfile", "Dockerfile"), ("extrahosts", BUILD_HOST), *ends)
     blob = want.blob or b""
     build = EngineCall(method="POST", path="/build", params=options, blob=blob, stream=True, timeout_s=_LONG_S)
     return "built here", build

@@ -103,12 +103,22 @@ A, B, C = (f"srprov/{letter}:{'0' * 15}{number}" for number, letter in enumerate
 
 def test_an_image_is_ours_by_its_content_tag_and_label_or_by_how_it_ends() -> None:
     """Whoever builds on one of ours inherits its labels; whoever names an image so has no label."""
-    engine = Engine().add(1, A, labels=OURS).add(2, labels=OURS).add(3, labels=PART)
+    engine = Engine().add(1, A, labels=OURS).add(2, labels=OURS).add(3, labels=PART, parent=7)
     engine.add(4, "mine:1", labels=OURS).add(5, labels=OURS, last="/bin/sh -c make").add(6, B).add(7, "debian:12")
-    engine.add(10, labels={**OURS, **PART}, last="/bin/sh -c make")
+    engine.add(10, labels={**OURS, **PART}, last="/bin/sh -c make", parent=7)
     engine.add(8, "srprov/a:latest", labels=OURS).add(9, labels={"srprov.cdf": "x"}, last="LABEL srprov.instance=")
     assert [one.id for one in store(engine).images] == [key(1), key(2), key(3), key(9), key(10)]
     assert goes(engine) == [A, key(2), key(3), key(9), key(10)]
+
+
+@pytest.mark.parametrize("names", [("published/base:1",), ()], ids=["named", "published anew"])
+def test_what_is_built_on_a_published_image_with_the_mark_is_no_step_of_ours(names: tuple[str, ...]) -> None:
+    """Somebody's older build, and what he kept of a container by `docker commit`, went with the first prune."""
+    engine = Engine().add(1, *names, labels=PART).add(2, parent=1, labels=PART).add(3, parent=2, labels=PART)
+    engine.add(4, labels=PART).add(5, parent=9, labels=PART).add(6, parent=6, labels=PART)
+    engine.add(7, parent=2, labels=PART).add(8, A, parent=7, labels=OURS)
+    assert goes(engine) == [A]
+    assert [one.steps for one in store(engine).images] == [()]
 
 
 @pytest.mark.parametrize(
@@ -129,19 +139,20 @@ def test_what_somebody_uses_or_named_stays(why: Any) -> None:
 
 
 def test_what_the_last_run_named_stays_and_what_is_too_new() -> None:
-    engine = Engine().add(1, A, labels=OURS).add(2, B, labels=OURS, created=2000).add(3, labels=PART)
+    engine = Engine().add(1, A, labels=OURS).add(2, B, labels=OURS, created=2000).add(3, labels=PART, parent=9)
+    engine.add(9, "debian:12")
     assert goes(engine, named=[B]) == [A, key(3)]
     assert goes(engine, before=1500.0) == [A, key(3)]
     assert goes(engine, only={"srprov/b"}) == [B], "what has no name belongs to no experiment"
 
 
 def test_the_newest_goes_first_with_the_steps_of_its_build_and_nothing_below_those() -> None:
-    """The base has no name any more, and is somebody's; a step that has a name ends the row."""
+    """The base has no name any more, and is somebody's; a step that has a name ends the row, and is a base itself."""
     engine = Engine().add(1).add(2, parent=1, labels=PART).add(3, parent=2, labels=PART)
     engine.add(4, A, parent=3, labels=OURS)
     engine.add(5, B, parent=4, labels=OURS, created=2000).add(6, "kept:1", labels=PART)
     engine.add(7, parent=6, labels=PART).add(8, C, parent=7, labels=OURS)
-    assert goes(engine) == [B, A, key(3), key(2), C, key(7)]
+    assert goes(engine) == [B, A, key(3), key(2), C]
     made = choose({"r1": store(engine)}, {}, {})
     calls = [command for step in made.planned.plan.steps for command in step.commands]
     assert {call.method for call in calls} == {"DELETE"}  # type: ignore[union-attr]
@@ -176,7 +187,7 @@ def test_a_list_takes_two_round_trips_and_one_where_nothing_is_ours() -> None:
     now = dt.datetime.fromtimestamp(1000 + 7200, dt.timezone.utc)
     (row,) = rows("r1", seen.images, {A: ["i", "k"]}, now)
     assert row["used by"] == "i; a container of others; the last run of k" and row["built"] == "2 h ago"
-    left = store(Engine().add(2, labels=PART).contain(2, "pensive_curie", ".build"))
+    left = store(Engine().add(1).add(2, parent=1, labels=PART).contain(2, "pensive_curie", ".build"))
     (row,) = rows("r1", left.images, {}, now)
     assert row["used by"] == "a container that a build left" and row["image"].endswith("(no name)")
 
@@ -231,6 +242,7 @@ def test_a_robot_with_all_that_it_may_say_costs_little() -> None:
     engine = Engine()
     for number in range(1, 6000):
         engine.add(number, parent=number + 1 if number % 50 else 5999, labels=PART)
+    engine.add(6000, "debian:12").images[5998]["ParentId"] = key(6000)
     for number in range(10_000, 10_300):
         engine.add(number, f"srprov/a:{number:016x}", labels=OURS, parent=1, layers=(BASE,) * 120)
     calls = bounded(lambda: goes(engine))

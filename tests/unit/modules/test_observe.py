@@ -7,7 +7,7 @@ import json
 import pytest
 
 from srprov.errors import TransportError
-from srprov.modules.container_leftover import BUILD
+from srprov.modules.container_leftover import BUILD, BUILD_HOST
 from srprov.modules.observe import observe_queries, parse_observed
 from srprov.robot_answers import answers_of
 from srprov.wire import Reply
@@ -36,9 +36,11 @@ def test_a_robot_that_has_one_thing_of_ours_twice_is_not_believed() -> None:
 def test_so_is_one_that_has_twice_what_a_build_left(name: str, state: dict[str, str]) -> None:
     """It names no instance, and is whoever's who comes next."""
     labels = {"srprov.instance": BUILD}
-    left = {"Names": [f"/{name}"], "Image": f"sha256:{'e' * 64}", "Labels": labels, **state}
-    assert parse_observed([told([left]) for _ in observe_queries(["container"])], ["container"])[0].name == name
-    replies = [told([left, {**left, "Id": "ffff"}]) for _ in observe_queries(["container"])]
+    left = {"Id": "a" * 64, "Names": [f"/{name}"], "Image": f"sha256:{'e' * 64}", "Labels": labels, **state}
+    kept = (f'/{key * 64}/hostconfig.json:"ExtraHosts":["{BUILD_HOST}"' for key in "ab")
+    of_builds = Reply(status=0, out="\n".join(kept))
+    assert parse_observed([told([left]), of_builds], ["container"])[0].name == name
+    replies = [told([left, {**left, "Id": "b" * 64}]), of_builds]
     with pytest.raises(TransportError, match="its answers cannot be read"), answers_of("r1"):
         parse_observed(replies, ["container"])
 
