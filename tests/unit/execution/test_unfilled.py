@@ -124,7 +124,7 @@ def test_what_is_empty_is_filled_by_a_container_that_never_runs_and_put_in_its_p
         ("DELETE", f"/containers/{params['name']}"), ("DELETE", f"/volumes/{fresh}"),
     ]  # fmt: skip
     item = {"Names": [f"/{params['name']}"], "Image": "x:1"}
-    assert left_by_build(item, {"state": "created"}) is not None, "the next run removes what a killed one left"
+    assert left_by_build(item, {"state": "created"}, ()) is not None, "the next run removes what a killed one left"
 
 
 def test_an_engine_that_is_late_fills_what_no_service_has(tmp_path: Path) -> None:
