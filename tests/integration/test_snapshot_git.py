@@ -131,6 +131,16 @@ def test_a_link_leads_to_no_repository_beside_the_robots_programs(tmp_path: Path
     assert ran.stdout == "/usr/bin/git\n", ran
 
 
+@pytest.mark.skipif(not ROOT, reason="only root reads what others may not")
+def test_a_repository_of_roots_whose_files_take_too_long_to_look_at_is_not_read(tmp_path: Path) -> None:
+    """Millions of files beside one of another user's had root read for him."""
+    make(tmp_path, "true")
+    assert ask(tmp_path / "code", root=True)[0] is not None
+    with mock.patch.object(gitscript, "_OTHERS", "-exec sleep 9 ';'"), mock.patch.object(gitscript, "_LONG_S", 1):
+        found, (note,) = ask(tmp_path / "code", root=True)
+    assert found is None and "it is not known whether others have some of them" in note
+
+
 def test_what_cannot_be_read_is_named(tmp_path: Path) -> None:
     """Pipes where files should be do not keep anybody waiting."""
     make(tmp_path / "pipe", "rm .git/index && mkfifo .git/index")
