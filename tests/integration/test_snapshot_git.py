@@ -138,7 +138,7 @@ def test_a_repository_of_roots_whose_files_take_too_long_to_look_at_is_not_read(
     assert ask(tmp_path / "code", root=True)[0] is not None
     with mock.patch.object(gitscript, "_OTHERS", "-exec sleep 9 ';'"), mock.patch.object(gitscript, "_LONG_S", 1):
         found, (note,) = ask(tmp_path / "code", root=True)
-    assert found is None and "it is not known whether others have some of them" in note
+    assert found is None and "too many files to know whether others have some of them" in note
 
 
 def test_what_cannot_be_read_is_named(tmp_path: Path) -> None:
