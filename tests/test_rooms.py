@@ -102,7 +102,7 @@ ROOMS: Mapping[str, Room] = {
     "modules": room(
         "errors hashing led names plain_tar published wire untrusted robot_answers resource secret"
         " image_reference"
-        " definitions.model definitions.containermodel definitions.secretmodel"
+        " definitions.model definitions.container_words definitions.containermodel definitions.secretmodel"
     ),
     "planning": room(
         "codes errors hashing names untrusted resource wire secret image_reference modules facts.model"

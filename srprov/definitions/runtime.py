@@ -6,7 +6,6 @@ Touches the file system for looking, through `mounts`. Problems point at the fil
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from typing import Protocol, TypeVar
 
@@ -14,6 +13,7 @@ from msgspec.structs import replace
 
 from srprov.codes import Code
 from srprov.definitions import merging, mounts, ports, values
+from srprov.definitions.container_words import lengths, too_much
 from srprov.definitions.containermodel import HealthCheck, Logging, Runtime
 from srprov.definitions.hostnames import extra_hosts
 from srprov.definitions.values import Device, flag, guarded, text, text_map, texts
@@ -38,7 +38,6 @@ RUNTIME_FIELDS = merging.RUNTIME_MERGED | {
     ),
 }
 _T = TypeVar("_T")
-_MOST_WORDS = 128 << 10
 
 
 def parse(layer: Map, folder: str, findings: Findings, path: Path, *, init: bool | None = None) -> Runtime:
@@ -96,18 +95,11 @@ def _read(layer: Map, folder: str, findings: Findings, path: Path, *, init: bool
 
 def _check_length(found: Runtime, layer: Map, findings: Findings, path: Path) -> None:
     """Check that an engine can tell what there is of a container in an answer that is read: some of it twice."""
-    check = found.healthcheck.test if found.healthcheck else ()
-    said = {
-        "command": found.command, "entrypoint": found.entrypoint, "healthcheck": check,
-        "environment": dict(found.environment), "labels": dict(found.labels),
-    }  # fmt: skip
-    lengths = {key: len(json.dumps(value)) for key, value in said.items()}
-    if sum(lengths.values()) > _MOST_WORDS:
-        key = max(lengths, key=lambda one: lengths[one])
-        message = f"{', '.join(said)} take more than {_MOST_WORDS >> 10} KiB together, as an engine writes them"
-        findings.add(
-            nodes.key_or_value(layer, key), message, (*path, key), "put what is long into a file", code=Code.TOO_LARGE
-        )
+    said = lengths(found)
+    if wrong := too_much(said):
+        key = max(said, key=lambda one: said[one])
+        hint = "put what is long into a file"
+        findings.add(nodes.key_or_value(layer, key), wrong, (*path, key), hint, code=Code.TOO_LARGE)
 
 
 class _Reader(Protocol):

@@ -13,6 +13,7 @@ from srprov.definitions.containermodel import Runtime
 from srprov.modules import run_limits
 from srprov.modules.params import ParameterError, check_ipv4, check_mac
 from srprov.published import ranges
+from srprov.untrusted import MOST_OF_ONE
 
 _API = re.compile(r"(?:[0-9]{1,3}(?:\.[0-9]{1,4}){0,2})?")
 KEPT = frozenset({"ROS_STATIC_PEERS"})
@@ -83,11 +84,16 @@ class ContainerParams(msgspec.Struct, frozen=True, kw_only=True):
             raise ParameterError("taken", "taken: no variable has such a name")
         if wrong := next(run_limits.broken(self.run), ""):
             raise ParameterError("run", f"run.{wrong}")
+        if not run_limits.HOSTNAME.fullmatch(self.hostname):
+            raise ParameterError("hostname", f"hostname: {self.hostname[:60]!r} is no host's name")
         for mount in self.mounts:
             if not (isinstance(mount.get("Type"), str) and isinstance(mount.get("Target"), str)):
                 raise ParameterError("mounts", "mounts: each needs 'Type' and 'Target'")
             if "\0" in f"{mount.get('Source')}{mount['Target']}":  # where they lead is asked by a shell
                 raise ParameterError("mounts", "mounts: no path holds a NUL")
+        if len(msgspec.json.encode(self, enc_hook=dict)) > MOST_OF_ONE:  # of a read-only map JSON knows nothing
+            most = f"more than {MOST_OF_ONE >> 10} KiB, which is all that is read of one container"
+            raise ParameterError("mounts", f"mounts, and all else that is said of it, take {most}")
 
     def publishes(self) -> str:
         """Return which ports of the robot it takes, all of them, such as `; publishes 8080:80/tcp`, or nothing."""

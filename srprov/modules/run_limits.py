@@ -9,12 +9,14 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
+from srprov.definitions.container_words import lengths, too_much
 from srprov.definitions.containermodel import Runtime, of_links
 from srprov.names import label_fault
 from srprov.published import may_be_published_at
 
 HOST = r"[A-Za-z0-9]([A-Za-z0-9._-]{0,61}[A-Za-z0-9])?"
 """A name in a hosts file."""
+HOSTNAME = re.compile(rf"({HOST})?")
 _ULIMITS = {
     *("core", "cpu", "data", "fsize", "locks", "memlock", "msgqueue", "nice", "nofile", "nproc", "rss", "rtprio"),
     *("rttime", "sigpending", "stack"),
@@ -37,7 +39,7 @@ _WORDS = {
     "working_dir": (re.compile(r"(/.*)?", re.DOTALL), "an absolute path"),
     "cpuset": (re.compile(r"([0-9]{1,4}(-[0-9]{1,4})?(,(?!\Z)|\Z))*"), "processors such as 0-2,5"),
     "runtime": (re.compile(r"([A-Za-z0-9][A-Za-z0-9_.-]{0,127})?"), "a runtime of the engine"),
-    "hostname": (re.compile(rf"({HOST})?"), "a host's name"),
+    "hostname": (HOSTNAME, "a host's name"),
 }
 _ITEMS = {
     "cap_add": re.compile(r"(CAP_)?[A-Z_]+"),
@@ -52,6 +54,8 @@ _LISTS = (
 
 def broken(run: Runtime) -> Iterator[str]:
     """Return what an EDF could not say, with the field at its beginning."""
+    if wrong := too_much(lengths(run)):
+        yield wrong
     for name, (form, words) in _WORDS.items():
         if not form.fullmatch(getattr(run, name)):
             yield f"{name}: expected {words}, not {getattr(run, name)[:60]!r}"
