@@ -1,7 +1,6 @@
 """The plan: read, decide, lay out, render, compare. Nothing is changed here.
 
-`make_plan` is the program in one list. What it calls is pure, but for the look at the robots and the files that the
-definitions name.
+`make_plan` is the program in one list. It is pure, but for the look at the robots and the files of the definitions.
 """
 
 from __future__ import annotations
@@ -40,6 +39,7 @@ from srprov.controller.readiness import check_ready, with_log_drivers
 from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.request import PlanRequest
 from srprov.controller.robot_images import check_there
+from srprov.controller.robot_room import check_room
 from srprov.controller.robots_words import at_home
 from srprov.controller.trial_values import at_first_point
 from srprov.controller.writers import check_writers
@@ -193,10 +193,9 @@ def _inputs(
     definitions: Definitions, choice: Choice, placed: Assignment, overlay: Overlay, snapshot: Snapshot, source: str,
     request: PlanRequest, look: Gathering,
 ) -> RenderInputs:  # fmt: skip
-    reachable = snapshot.facts.keys()
     mine, experiment = bundled.chosen(request.bundled, choice.experiment, placed.placed, snapshot.facts)
     definitions, experiment, doubts = with_fresh(
-        definitions, experiment, placed.placed, reachable, look.ask_each, request.allowed
+        definitions, experiment, placed.placed, snapshot.facts.keys(), look.ask_each, request.allowed
     )
     images, references = plan_images(bundled.to_build(definitions.containers, experiment, mine))
     builders, tags = look.inventory.groups.get(BUILDERS, ()), {one.tag for one in images.values()}
@@ -240,6 +239,7 @@ def _compared(
     if inputs.images_only:
         steps, unchanged = diff(desired, images_there(inputs.snapshot), inputs.instance)
         return inputs.snapshot, desired, steps, unchanged
+    check_room(desired, inputs.snapshot, inputs.instance)
     snapshot = look.probe(inputs.snapshot, desired)
     steps, unchanged = diff(desired, owned(snapshot, inputs.instance), inputs.instance)
     with_drivers = with_log_drivers(steps, snapshot, look)

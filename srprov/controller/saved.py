@@ -25,6 +25,7 @@ from srprov.controller.ownership import check_source, looking, makers_of, owned
 from srprov.controller.permissions import require_decided
 from srprov.controller.plan import Planned
 from srprov.controller.plan_proof import check_claim, proved, provers
+from srprov.controller.robot_room import check_room
 from srprov.controller.robots_notes import notes_of_robots
 from srprov.controller.staleness import refuse_stale, refuse_unnoted
 from srprov.controller.writers import check_writers
@@ -136,6 +137,7 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
         if not owners:
             _check_elsewhere(saved, fleet.inventory, snapshot, look, adopt=adopt, signed=signed)
         _check_networks(wants, saved.plan.instance, believed)
+        check_room(wants, snapshot, saved.plan.instance)
         derived = _derived(saved, wants, snapshot, look, ours=bool(owners))
         check_writers(derived.steps, [(want.host, one) for want, one in services_of(saved)], look)
         plan = _as_found(saved, derived, snapshot, look, ours=bool(owners))

@@ -23,7 +23,7 @@ from srprov.wire import Reply
 RECORDS = f"{STATE_ROOT}/*/placement.json"
 """Where they are; `probes.py` asks for them, with other files."""
 _RECORD = re.compile(rf"{STATE_ROOT}/[^/:]{{1,64}}/placement\.json:")
-_SIZE_LIMIT = 4 << 20
+MOST_OF_RECORDS = 4 << 20
 """Characters of all records; one of a thousand services has some 130,000."""
 _MOST_LINES = 8192
 """Of all files."""
@@ -39,9 +39,9 @@ def parse_placements(reply: Reply) -> dict[str, Mapping[str, Any]]:
     """
     lines = lines_of(reply.out, _MOST_LINES + 1)
     texts = [line[at.end() :] for line in lines if (at := _RECORD.match(line))]
-    if len(lines) > _MOST_LINES or sum(map(len, texts)) > _SIZE_LIMIT:
+    if len(lines) > _MOST_LINES or sum(map(len, texts)) > MOST_OF_RECORDS:
         largest = max((line for line in lines if _RECORD.match(line)), key=len, default="").partition(":")[0]
-        raise TooManyError(f"its placement records are more than {_SIZE_LIMIT >> 20} MiB; the longest is {largest}")
+        raise TooManyError(f"its placement records are more than {MOST_OF_RECORDS >> 20} MiB; the longest is {largest}")
     return read_placements(texts)
 
 

@@ -12,8 +12,8 @@ from srprov.resource import Observed, Resource
 from srprov.robot_answers import TooManyError
 from srprov.wire import AnyQuery, Reply
 
-_MOST = 1000
-"""Things of a kind that a robot has, and things of any kind that it has of one instance: plans and tables grow with
+MOST_OF_INSTANCE = _MOST = 1000
+"""Things of any kind that a robot has of one instance, and things of a kind that it has: plans and tables grow with
 them, and with their pairs, and a robot may say anything."""
 _SERVICE = re.compile("[a-z0-9][a-z0-9_-]{0,400}")
 _OF_ENGINE = ("container", "network", "volume")
@@ -21,6 +21,11 @@ _ENGINES_NAME = re.compile("[a-zA-Z0-9][a-zA-Z0-9_.-]{0,254}")
 """As engines give them (moby's RestrictedNamePattern), and as long as a folder's name can be."""
 _MOST_SMALL = dict.fromkeys(("image", "file", "secret"), 10_000)
 """Images are nobody's, and one service may have many files."""
+
+
+def most_of(kind: str) -> int:
+    """Return how many things of a kind a robot may have."""
+    return _MOST_SMALL.get(kind, _MOST)
 
 
 def observe_queries(kinds: Iterable[str] = tuple(MODULES)) -> tuple[AnyQuery, ...]:
@@ -42,7 +47,7 @@ def parse_observed(replies: Sequence[Reply], kinds: Iterable[str] = tuple(MODULE
         # the label of an instance or service that cannot be is not ours: names become paths, containers and words
         seen = MODULES[kind].parse(replies[start : start + count])
         ours = [one for one in seen if not one.instance or (names.valid("instance", one.instance) and _is_named(one))]
-        if len(ours) > (most := _MOST_SMALL.get(kind, _MOST)):
+        if len(ours) > (most := most_of(kind)):
             raise TooManyError(f"it has more than {most} things of the kind {kind}")
         for one in ours:
             _check(one)
@@ -54,8 +59,8 @@ def parse_observed(replies: Sequence[Reply], kinds: Iterable[str] = tuple(MODULE
         kind, name = most_named[0]
         raise ValueError(f"it names the {kind} {name[:60]!r} twice")  # two steps would be about one thing
     of_instances = Counter(one.instance for one in found if one.instance)
-    if of_instances and (most_of := of_instances.most_common(1)[0])[1] > _MOST:
-        raise TooManyError(f"it has more than {_MOST} things of the instance {most_of[0]}")
+    if of_instances and (largest := of_instances.most_common(1)[0])[1] > MOST_OF_INSTANCE:
+        raise TooManyError(f"it has more than {MOST_OF_INSTANCE} things of the instance {largest[0]}")
     return tuple(found)
 
 
