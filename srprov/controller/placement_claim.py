@@ -11,14 +11,14 @@ from srprov.modules.container_params import ContainerParams
 from srprov.modules.file import FileParams
 from srprov.modules.module import Names, canonical
 from srprov.modules.network import NetworkParams
-from srprov.network.record import read_record
+from srprov.network.record import is_address, read_record
 from srprov.planning.plan import Plan
 from srprov.resource import Resource
 from srprov.untrusted import json_or_none, mapping
 
 _OVERLAY = ("subnet", "vni", "mtu", "port")
-_LONGEST = 100
-"""Characters of what a record says of a robot or service."""
+_LONGEST = 200
+"""Characters of what a record says of a robot or service: the name of a robot is the longest."""
 _KEYS = {"instance", "source", "robots", "services", "serial", *_OVERLAY}
 
 
@@ -61,6 +61,7 @@ class PlacementClaim:
             and 0 < value["serial"] <= MOST_SERIAL
             and record.robots == assigned
             and (set(services), set(robots)) == (set(assigned), set(assigned.values()))
+            and all(_is_short(mapping(one)) for one in (*robots.values(), *services.values()))
             and all(self._is_robot(name, mapping(one)) for name, one in robots.items())
             and all(self._is_service(name, mapping(one)) for name, one in services.items())
         )
@@ -69,17 +70,17 @@ class PlacementClaim:
         # a later plan sends there what is for a robot that is away by then
         if told.keys() != {"gateway", "vtep"} or name not in self._underlays or told["vtep"] != self._underlays[name]:
             return False
+        if told["vtep"] and not is_address(told["vtep"]):
+            return False
         network = self._networks.get(name)
         # of a robot that is out of reach nothing is known but what the last record said
-        return told["gateway"] == (network.gateway if network else "") or (
-            network is None and name in self._plan.unreachable and _is_short(told)
-        )
+        unknown = network is None and name in self._plan.unreachable
+        return unknown or told["gateway"] == (network.gateway if network else "")
 
     def _is_service(self, name: str, told: Mapping[str, Any]) -> bool:
         if name in self._endpoints:
             return told == self._endpoints[name]
-        known = told.keys() == {"ip", "mac", "network", "robot"} and _is_short(told)
-        return known and told["robot"] in self._plan.unreachable
+        return told.keys() == {"ip", "mac", "network", "robot"} and told["robot"] in self._plan.unreachable
 
 
 def _is_short(told: Mapping[str, Any]) -> bool:

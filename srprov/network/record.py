@@ -104,7 +104,7 @@ def read_record(value: Mapping[str, Any] | None) -> PlacementRecord | None:
         robots={name: robot for name, robot in placed.items() if names.valid("robot", robot)},
         addresses={name: ip for name, entry in services.items() if (ip := _ipv4(entry.get("ip")))},
         macs={name: mac for name, entry in services.items() if _MAC.fullmatch(mac := string(entry.get("mac")))},
-        vteps={name: vtep for name, entry in robots.items() if _is_address(vtep := string(entry.get("vtep")))},
+        vteps={name: vtep for name, entry in robots.items() if is_address(vtep := string(entry.get("vtep")))},
         gateways={name: ip for name, entry in robots.items() if (ip := _ipv4(entry.get("gateway")))},
         vni=_count(value.get("vni")),
         subnet=string(value.get("subnet")),
@@ -130,7 +130,7 @@ def _ipv4(value: object) -> IPv4Address | None:
         return None
 
 
-def _is_address(text: str) -> bool:
+def is_address(text: str) -> bool:
     """Return whether a text is a plain address; ipaddress takes any text behind a %, lines too, as its scope."""
     if "%" in text:
         return False

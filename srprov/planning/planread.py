@@ -25,6 +25,8 @@ from srprov.wire import Command, CopyImage, CopyVolume, EngineCall, Put, Run, Se
 
 _MOST_NAMED = 8
 """Differences that an error names."""
+_LONGEST_SOURCE = 5000
+"""Characters: a path has 4096 bytes. Robots have it in their records, and with each container and volume."""
 _AGAIN = "make it again with `srprov plan -o plan.json`"
 
 
@@ -85,6 +87,8 @@ def _plan_file(read: Document) -> PlanFile:
     for sha, data in blobs.items():
         if hashlib.sha256(data).hexdigest() != sha:
             raise ValueError(f"the bytes of {sha[:12]} were changed")
+    if len(read.source) > _LONGEST_SOURCE:
+        raise ValueError(f"its source is longer than {_LONGEST_SOURCE} characters")
     plan = Plan(
         instance=names.checked("instance", read.instance),
         source=read.source,

@@ -13,7 +13,7 @@ from srprov.controller import plan as planning
 from srprov.controller import services
 from srprov.controller.authority import asked, check_file
 from srprov.controller.owners import owners_folder
-from srprov.controller.saved import check_plan, kept_plan
+from srprov.controller.saved import check_plan, kept_plan, plan_file
 from srprov.errors import RefusedError, UsageError
 from srprov.modules.network import NetworkParams
 from srprov.modules.params import ParameterError
@@ -211,3 +211,42 @@ def test_a_robot_that_is_away_gets_nothing_where_another_one_has_its_address(wor
     assert run(world, one.plan).exit_code == 4
     kernel = world.robots["r2"].kernel
     assert "10.0.0.1" not in str(kernel.fdb) and "10.0.0.1" not in str(kernel.filters)
+
+
+def test_a_robot_is_at_an_address_in_the_record_of_a_plan_file(world: World) -> None:
+    """It was any text that the file itself said twice, 5 MB of it: then no record on the robots was read any more."""
+    long, true = "x" * 5_000_000, planning.record
+
+    def lying(*args: Any, **more: Any) -> dict[str, Any]:
+        said = copy.deepcopy(true(*args, **more))
+        said["robots"]["r1"]["vtep"] = long
+        return said
+
+    alone = experiment(*(service(name, robot=name, network="none") for name in ("r1", "r2")), name="new")
+    with mock.patch.object(planning, "record", lying), mock.patch.object(planning, "check_room"):
+        saved = kept_plan(planned(world, alone))
+    prints = {robot: copy.deepcopy(dict(one)) for robot, one in saved.fingerprints.items()}
+    prints["r1"]["underlay"]["address"] = long
+    saved = replace(saved, fingerprints=prints, proof="")
+    assert "playbook" in {one.kind for one in asked(saved)}
+    with pytest.raises(UsageError, match="asks for playbook"):
+        check_file(replace(saved, plan=replace(saved.plan, permissions=())), "plan.json")
+
+
+@pytest.mark.parametrize("length", [5000, 5001])
+def test_a_plan_file_s_source_has_a_length(world: World, length: int) -> None:
+    """It is in each record, and a label of each container and volume."""
+    with mock.patch.object(planning, "source_of", return_value="x" * length):
+        text = dump(plan_file(planned(world, NEW)))
+    if length == 5000:
+        load(text, "plan.json")
+        return
+    with pytest.raises(UsageError, match="its source is longer than 5000 characters"):
+        load(text, "plan.json")
+
+
+def test_a_record_names_robots_with_long_names(world: World) -> None:
+    """A robot's name has up to 200 characters, and no record of one is taken for somebody's own file."""
+    world.add(long := "r" * 200)
+    saved = plan_file(planned(world, experiment(service("one", robot=long), service("two", robot="r2"), name="new")))
+    assert saved.plan.permissions == ()
