@@ -94,9 +94,9 @@ def misplaced(plan: Plan, wants: Sequence[Resource]) -> Iterator[str]:
     for service, robot in sorted(homes.items()):
         if plan.assignment.get(service, robot) != robot:
             yield f"assignment: '{service}' is wanted on {robot}"
-    strange = {name for name, robot in plan.assignment.items() if robot not in plan.unreachable} - homes.keys()
-    for service in sorted(strange) if homes and not plan.playbooks else ():
-        yield f"assignment: nothing of '{service}' is wanted"
+    strange = {name: robot for name, robot in plan.assignment.items() if robot not in plan.unreachable}
+    for service in sorted(strange.keys() - homes.keys()) if homes and not plan.playbooks else ():
+        yield f"assignment: '{service}' is said to run on {strange[service]}, and nothing of it is wanted there"
 
 
 def unrecorded(wants: Sequence[Resource]) -> Iterator[Resource]:

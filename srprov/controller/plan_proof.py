@@ -12,12 +12,16 @@ import hmac
 from msgspec.structs import replace
 
 from srprov.codes import Code
+from srprov.controller.authority import check_file
 from srprov.controller.owners import Owner, owners_of
 from srprov.errors import RefusedError
 from srprov.facts.model import Snapshot
 from srprov.modules.module import canonical
+from srprov.names import few
 from srprov.planning.planfile import PlanFile, document
 from srprov.record.memory import recall
+
+_SHOWN = 8
 
 
 def proved(saved: PlanFile, owner: Owner | None) -> PlanFile:
@@ -49,6 +53,7 @@ def check_claim(saved: PlanFile, snapshot: Snapshot, *, adopt: bool) -> None:
 
     Raises:
         RefusedError: It names where the instance is.
+        UsageError: It says of a robot that answers what may only be said of one that does not.
     """
     instance = saved.plan.instance
     there = _where(instance, snapshot)
@@ -63,12 +68,26 @@ def check_claim(saved: PlanFile, snapshot: Snapshot, *, adopt: bool) -> None:
         what = f"would have services of a new instance on robots that it knows nothing of: {', '.join(elsewhere)}"
         hint = "have its EDF planned while these answer"
     else:
+        _check_answering(saved, snapshot)
         return
     raise RefusedError(
         f"this plan was not written on this controller, and {what}",
         hint=f"plan its EDF here; or {hint}",
         code=Code.STRANGE_PLAN,
     )
+
+
+def _check_answering(saved: PlanFile, snapshot: Snapshot) -> None:
+    """Refuse a file that contradicts itself once it does not say itself who is out of reach.
+
+    Of a robot that is, it may say that services run there of which it wants nothing: they are shown, never made, and
+    recorded on all robots.
+    """
+    plan = saved.plan
+    away = {robot: why for robot, why in plan.unreachable.items() if robot not in snapshot.facts}
+    if answering := sorted(plan.unreachable.keys() - away.keys()):
+        who = f"{few(answering, _SHOWN)} answer{'s' * (len(answering) == 1)}"
+        check_file(replace(saved, plan=replace(plan, unreachable=away)), f"this plan, while {who},")
 
 
 def _where(instance: str, snapshot: Snapshot) -> str:

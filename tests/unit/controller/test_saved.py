@@ -329,7 +329,7 @@ def test_a_plan_file_s_placement_is_that_of_what_it_wants(world: World, wrong: s
     if wrong == "elsewhere":
         assignment["two"], says = "r3", "assignment: 'two' is wanted on r2"
     elif wrong == "nobody":
-        assignment["safety"], says = "r2", "assignment: nothing of 'safety' is wanted"
+        assignment["safety"], says = "r2", "assignment: 'safety' is said to run on r2, and nothing of it is wanted"
     else:
         also, says = (
             tuple(one for one in also if not one.name.endswith("placement.json")),

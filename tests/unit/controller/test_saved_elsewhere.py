@@ -250,3 +250,32 @@ def test_a_record_names_robots_with_long_names(world: World) -> None:
     world.add(long := "r" * 200)
     saved = plan_file(planned(world, experiment(service("one", robot=long), service("two", robot="r2"), name="new")))
     assert saved.plan.permissions == ()
+
+
+@pytest.mark.parametrize("lie", ["assignment", "record"])
+def test_nothing_runs_where_a_robot_answers_and_nothing_is_wanted(world: World, lie: str) -> None:
+    """The file itself called r3 out of reach: a service was shown there, recorded on all robots, and never made."""
+    true = planning.record
+
+    def lying(*args: Any, **more: Any) -> dict[str, Any]:
+        said = copy.deepcopy(true(*args, **more))
+        if lie == "assignment":
+            said["services"]["ghost"] = {"ip": "", "mac": "", "network": "none", "robot": "r3"}
+            said["robots"]["r3"] = {"gateway": "", "vtep": "10.0.0.3"}
+        else:
+            said["robots"]["r2"]["gateway"] = "10.0.0.9"
+        return said
+
+    alone = experiment(*(service(name, robot=name, network="none") for name in ("r1", "r2")), name="new")
+    with mock.patch.object(planning, "record", lying):
+        saved = plan_file(planned(world, alone))
+    ghost = {"ghost": "r3"} if lie == "assignment" else {}
+    away = {"r3": "no answer"} if ghost else {"r2": "no answer"}
+    saved = written(
+        replace(saved, plan=replace(saved.plan, assignment={**saved.plan.assignment, **ghost}, unreachable=away))
+    )
+    assert saved.plan.permissions == ()
+    who, says = next(iter(away)), "'ghost' is said to run on r3, and nothing of it is wanted there" if ghost else "asks"
+    with pytest.raises(UsageError, match=rf"this plan, while {who} answers, contradicts itself:(?s:.*){says}"):
+        check_plan(saved, fleet(world), adopt=True)
+    check_plan(saved, fleet(world), signed=True)
