@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from srprov.definitions.containermodel import Runtime
 
 _MOST = 128 << 10
+ADDED = 64 << 10
+"""Of what srprov itself adds to a service's environment: the addresses of all its peers."""
 
 
 def lengths(run: Runtime) -> dict[str, int]:
@@ -20,8 +22,11 @@ def lengths(run: Runtime) -> dict[str, int]:
     return {key: len(json.dumps(value)) for key, value in said.items()}
 
 
-def too_much(said: Mapping[str, int]) -> str:
-    """Return that such fields are longer than an answer of an engine may be, in words, or nothing."""
-    if sum(said.values()) <= _MOST:
+def too_much(said: Mapping[str, int], added: int = 0) -> str:
+    """Return that such fields are longer than an answer of an engine may be, in words, or nothing.
+
+    `added` characters are beside what a definition says.
+    """
+    if sum(said.values()) <= _MOST + added:
         return ""
-    return f"{', '.join(said)} take more than {_MOST >> 10} KiB together, as an engine writes them"
+    return f"{', '.join(said)} take more than {(_MOST + added) >> 10} KiB together, as an engine writes them"

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from srprov.definitions.container_words import lengths, too_much
+from srprov.definitions.container_words import ADDED, lengths, too_much
 from srprov.definitions.containermodel import Runtime, of_links
 from srprov.names import label_fault
 from srprov.published import may_be_published_at
@@ -54,7 +54,7 @@ _LISTS = (
 
 def broken(run: Runtime) -> Iterator[str]:
     """Return what an EDF could not say, with the field at its beginning."""
-    if wrong := too_much(lengths(run)):
+    if wrong := too_much(lengths(run), ADDED):
         yield wrong
     for name, (form, words) in _WORDS.items():
         if not form.fullmatch(getattr(run, name)):

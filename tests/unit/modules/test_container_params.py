@@ -24,15 +24,15 @@ def test_only_the_list_of_peers_makes_no_container_anew() -> None:
             resource("container", "srprov.hello.web", {**SAID, "made_with": made_with})
 
 
-LONG = "x" * (128 << 10)
+LONG = "x" * (192 << 10)
 
 
 @pytest.mark.parametrize(
     ("said", "wrong"),
     [
-        ({"run": {"labels": {"note": LONG}}}, "take more than 128 KiB together"),
-        ({"run": {"command": [LONG]}}, "take more than 128 KiB together"),
-        ({"run": {"environment": {"A": LONG}}}, "take more than 128 KiB together"),
+        ({"run": {"labels": {"note": LONG}}}, "take more than 192 KiB together"),
+        ({"run": {"command": [LONG]}}, "take more than 192 KiB together"),
+        ({"run": {"environment": {"A": LONG}}}, "take more than 192 KiB together"),
         ({"run": {"user": 4 * LONG}}, "more than 512 KiB"),
         ({"mounts": [{"Type": "tmpfs", "Target": f"/{4 * LONG}"}]}, "more than 512 KiB"),
         ({"image": 4 * LONG}, "more than 512 KiB"),
@@ -43,5 +43,5 @@ def test_a_container_says_no_more_than_an_edf_could(said: dict[str, object], wro
     """The list of its robot's containers was too long to be read, for every verb and every instance."""
     with pytest.raises(ParameterError, match=wrong):
         resource("container", "srprov.hello.web", {**SAID, **said})
-    most = {"run": {"labels": {"note": LONG[:-1000]}}, "mounts": [{"Type": "tmpfs", "Target": f"/{2 * LONG}"}]}
+    most = {"run": {"labels": {"note": LONG[:-1000]}}, "mounts": [{"Type": "tmpfs", "Target": f"/{LONG}"}]}
     resource("container", "srprov.hello.web", {**SAID, **most})
