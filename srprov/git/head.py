@@ -11,8 +11,10 @@ by its own rules, may be another repository.
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,10 +25,14 @@ _MOST = 64 * 1024
 """Bytes of a reference, and of a checkout's settings."""
 _MOST_PACKED = 32 << 20
 """Bytes of all references in one file: some 400,000."""
+_MOST_FOLDERS = 1000
+"""And files, in a folder of objects; git makes 258."""
+_MOST_OBJECTS = 200_000
+"""Files that are looked at there; git packs them when there are some 7000."""
+_LONGEST_COMMIT = 64
 _MOST_STEPS = 5
 """From one reference to the next; source: git's own limit."""
 _REFERENCE = re.compile(r"refs(/(?!\.)[^/\x00-\x20\x7f]+)+")
-_WORKTREE = re.compile(r"^[ \t]*worktree[ \t]*=[ \t]*(.+?)[ \t]*$", re.MULTILINE)
 
 
 class Checkout(NamedTuple):
@@ -78,9 +84,15 @@ def _own_folder(top: Path) -> Path | None:
     own = Path(os.path.realpath(top / named))
     if word != "gitdir:" or not named:
         return None
-    says = _WORKTREE.search(_text(own / "config"))
-    claimed = [own / _line(own / "gitdir"), *([own / says[1] / ".git"] if says else [])]
+    says = _worktree(_text(own / "config"))
+    claimed = [own / _line(own / "gitdir"), *([own / says / ".git"] if says else [])]
     return own if str(git) in map(os.path.realpath, claimed) else None
+
+
+def _worktree(config: str) -> str:
+    """Return the first folder that a repository's settings name as its worktree, or nothing."""
+    pairs = (line.partition("=") for line in config.split("\n"))
+    return next(filter(None, (value.strip(" \t") for key, _, value in pairs if key.strip(" \t") == "worktree")), "")
 
 
 def _is_mine(*paths: Path) -> bool:
@@ -103,37 +115,51 @@ def _borrows(shared: Path) -> bool:
     if objects.is_symlink() or any(map(os.path.lexists, named)):
         return True
     try:
-        with os.scandir(objects) as entries:
-            folders = [one.path for one in entries if one.is_dir(follow_symlinks=False)]
-        return any(map(_has_links, (os.fspath(objects), *folders)))
+        return _has_links(os.fspath(objects))
     except OSError:
         return True
 
 
-def _has_links(folder: str) -> bool:
+def _has_links(objects: str) -> bool:
+    """Return whether one of the objects is a link, or there are so many that nobody would look at all of them."""
+    top = list(itertools.islice(_entries(objects), _MOST_FOLDERS + 1))
+    if len(top) > _MOST_FOLDERS:
+        return True
+    inside = (_entries(one.path) for one in top if one.is_dir(follow_symlinks=False))
+    every = enumerate(itertools.chain(top, itertools.chain.from_iterable(inside)))
+    return any(number >= _MOST_OBJECTS or one.is_symlink() for number, one in every)
+
+
+def _entries(folder: str) -> Iterator[os.DirEntry[str]]:
     with os.scandir(folder) as entries:
-        return any(one.is_symlink() for one in entries)
+        yield from entries
 
 
 def _packed(shared: Path, name: str) -> str:
-    for line in _text(shared / "packed-refs", _MOST_PACKED).split("\n"):
-        commit, _, named = line.partition(" ")
-        if named == name:
-            return commit
-    return ""
+    """Return what a reference is in the list of all of them, whose lines are `COMMIT NAME`.
+
+    No name has a blank in it, so that where it is found first is its line, or the list is none of git's.
+    """
+    content = _content(shared / "packed-refs", _MOST_PACKED)
+    at = content.find(os.fsencode(f" {name}\n"))
+    return os.fsdecode(content[max(0, at - _LONGEST_COMMIT - 1) : at].rpartition(b"\n")[2]) if at >= 0 else ""
 
 
 def _line(path: Path) -> str:
     return _text(path).removesuffix("\n")
 
 
-def _text(path: Path, most: int = _MOST) -> str:
-    """Return a file's text; nothing of one that cannot be read, has what no name has, or has a link in its path.
+def _text(path: Path) -> str:
+    return os.fsdecode(_content(path, _MOST))
+
+
+def _content(path: Path, most: int) -> bytes:
+    """Return what a file holds; nothing of one that cannot be read, has what no name has, or has a link in its path.
 
     Nor of one that has another name, as an archive may give one to a file of the user's.
     """
     try:
         content, about = regular_file.read_with_status(path, most, real=True)
     except OSError:
-        return ""
-    return "" if b"\0" in content or regular_file.has_further_names(about) else os.fsdecode(content)
+        return b""
+    return b"" if b"\0" in content or regular_file.has_further_names(about) else content
