@@ -24,7 +24,7 @@ _NUMBER = re.compile("[0-9]{1,9}")
 _ADD_LINE = re.compile(r"\s*(?:ONBUILD\s+)*ADD\b(?P<what>.*)", re.IGNORECASE)
 _LOCAL = re.compile(r"[\w./ \t\"\[\],=*?@+:-]*", re.ASCII)
 """What cannot be a URL once `://` is not in it: no variable and no escape."""
-_REMOTE = re.compile(r"://|@[^\s/]*:")
+_REMOTE = re.compile(r"://|@[^\s/@]*:")
 _STRANGE = re.compile("[\x00-\x08\x0a-\x1f\x7f-\x9f\u2028\u2029]")
 """Control characters and separators of lines: each reader of a Dockerfile has its own idea of them."""
 _OTHER_BLANK = re.compile(r"[^\S \t\r]")

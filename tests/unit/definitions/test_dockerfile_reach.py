@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from srprov.definitions.dockerfile import check, fetches, images_of, stages, unclear
+from tests.bounded import bounded
 from tests.conftest import examples
 
 URL = "http://169.254.169.254/latest/meta-data /x"
@@ -27,6 +28,7 @@ FETCHED = [
     "FROM a\r\nAD\\\r\nD git@lab:x.git /x\r\n",
     "FROM a\nADD me@lab:x.git /x\n",
     "FROM a\nADD a-@127.0.0.1:x.git /x\n",
+    "FROM a\nADD a@b@127.0.0.1:x.git /x\n",
     f"FROM a\n# a `\n# b \\\nADD {URL}\n",
     f"FROM a\n# a `\n \t# b \\\nAD\\\n# c \\\n# d `\nD {URL}\n# e `\n",
 ]
@@ -256,3 +258,8 @@ def test_whatever_docker_reads_from_a_file_is_known(drawn: list[tuple[str, str]]
         named = [rest.split()[0] for word, rest in read if word == "FROM" and rest.startswith("x/y")]
         named += ["x/z" for word, rest in read if word == "COPY" and rest.startswith("--from=x/z ")]
         assert not [name for name in named if name not in images_of(text)]
+
+
+def test_a_long_word_with_signs_of_an_address_is_gone_through_once() -> None:
+    text = f"FROM a\nADD {'@' * 120_000} /x\n"
+    assert bounded(lambda: fetches(text), cpu_s=0.5) == ()
