@@ -42,10 +42,10 @@ class Words:
     """How many words of a kind there are."""
 
     def add(self, kind: str, word: str, instead: str = "") -> None:
-        """Take a word, once."""
+        """Take a word, once; where nothing is said to stand for it, an address nobody has does, or its kind."""
         if word and word not in self.found and word != instead and not self.stays(word):
             number = self.kinds[kind] = self.kinds.get(kind, 0) + 1
-            self.found[word] = instead or _ADDRESSES[kind](number)
+            self.found[word] = instead or (_ADDRESSES[kind](number) if kind in _ADDRESSES else kind)
 
     def address(self, text: str) -> None:
         """Take an IP address, with or without the length of its network; what is none, or no host's, is not taken."""

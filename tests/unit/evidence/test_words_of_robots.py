@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from srprov.errors import UsageError
 from srprov.evidence.make import bundle
 from srprov.evidence.verify import verify
 from tests.trial_folders import EDF, FILES, MACHINE, run_folder, write_experiment
@@ -91,3 +94,40 @@ def test_an_address_is_private_also_where_a_robot_is_called_so(run: Path, tmp_pa
         path.write_text(json.dumps(facts))
     bundle(folder, tmp_path / "b.zip")
     assert b"10.9.8.7" not in unpacked(tmp_path / "b.zip")["sessions/1/facts.json"]
+
+
+def rewritten(path: Path, change: Callable[[Any], object]) -> None:
+    document = json.loads(path.read_text())
+    change(document)
+    path.write_text(json.dumps(document))
+
+
+@pytest.mark.parametrize(
+    ("name", "private", "change"),
+    [
+        *(
+            ("hardware.json", MACHINE, lambda all, token=token: all["tokens"].update({MACHINE: token}))
+            for token in ("", None, 0)
+        ),
+        ("environment.json", "bobtheowner", lambda all: all.update(owner="bobtheowner")),
+        ("facts.json", "bobsrobot", lambda all: all["robots"].update({"": {"hostname": "bobsrobot"}})),
+    ],
+)
+def test_what_has_no_word_that_stands_for_it_is_hidden_all_the_same(
+    run: Path, tmp_path: Path, name: str, private: str, change: Callable[[Any], object]
+) -> None:
+    """Serial numbers without a token, an owner without a host and a robot without a name: in strange records only."""
+    folder = Path(shutil.copytree(run, tmp_path / "strange"))
+    rewritten(folder / "sessions/1" / name, change)
+    rewritten(folder / "sessions/1/plan.json", lambda plan: plan.update(notes=[f"says {private}"]))
+    bundle(folder, tmp_path / "b.zip")
+    found = unpacked(tmp_path / "b.zip")
+    assert not [path for path, content in found.items() if private.encode() in content]
+
+
+def test_a_host_without_a_name_is_no_robot_of_a_record(run: Path, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(run, tmp_path / "strange"))
+    hosts = {"": {"ansible_host": "bobs.lab.example"}}
+    rewritten(folder / "sessions/1/inputs/inventory.yml", lambda all: all["all"]["hosts"].update(hosts))
+    with pytest.raises(UsageError, match="the record of the robots cannot be read"):
+        bundle(folder, tmp_path / "b.zip")
