@@ -42,7 +42,10 @@ _UNFIT = {
 """Network of a service -> why a rootless engine does not run it."""
 _SHOWN = 8
 """Platforms of an image that are named."""
-_BOUND = re.compile(r"\s*(?:>=)?\s*(\d+(?:\.\d+)*)\s*")
+_VERSION = r"[0-9]{1,9}(?:\.[0-9]{1,9})*"
+"""What is read of a kernel's release: a number of thousands of digits is none to Python."""
+_BOUND = re.compile(rf"\s*(?:>=)?\s*({_VERSION})\s*")
+_RELEASE = re.compile(rf"{_VERSION}(?![0-9])")
 
 
 def missing(service: Service, platforms: Sequence[str], facts: HostFacts) -> tuple[UnmetRequirement, ...]:
@@ -78,7 +81,7 @@ def kernel_fits(bound: str, kernel: str) -> bool:
     Raises:
         UsageError: The bound cannot be read.
     """
-    found = re.match(r"\d+(?:\.\d+)*", kernel)
+    found = _RELEASE.match(kernel)
     has = _numbers(found.group()) if found else ()
     # 5.10 is at least 5.10.0, so what is not there counts as 0.
     return all(has and has + (0,) * (len(want) - len(has)) >= want for want in _lower_bounds(bound))
