@@ -38,6 +38,7 @@ RUNTIME_FIELDS = merging.RUNTIME_MERGED | {
     ),
 }
 _T = TypeVar("_T")
+_MOST_GPUS = 999_999
 
 
 def parse(layer: Map, folder: str, findings: Findings, path: Path, *, init: bool | None = None) -> Runtime:
@@ -117,6 +118,12 @@ def _limits(get: Callable[[str], Node | None], read: _Reader) -> Runtime:
         assert isinstance(node, Scalar)
         return nodes.as_number(node) or 0.0
 
+    def count(node: Node) -> str:
+        whole = nodes.as_int(node)  # 0x1F, too
+        if whole is not None and whole > _MOST_GPUS:
+            raise ValueError(f"'{whole}' is more than {_MOST_GPUS}")
+        return text(node) if whole is None else str(whole)
+
     def reservation(node: Node) -> int:
         if limit and size(node) > limit:
             raise ValueError("is more than 'mem_limit'")
@@ -133,7 +140,7 @@ def _limits(get: Callable[[str], Node | None], read: _Reader) -> Runtime:
         shm_size=read("shm_size", size, 0),
         ipc=text(get("ipc")),
         pid=text(get("pid")),
-        gpus=text(get("gpus")),
+        gpus=read("gpus", count, ""),
         runtime=text(get("runtime")),
     )
 

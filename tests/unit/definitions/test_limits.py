@@ -35,6 +35,7 @@ EDFS = {
     "a number of 400 digits": (service(f"stop_grace_period: {'9' * 400}s"), "is longer than 24h"),
     "replicas": (service("replicas: 99999999"), ":4:27: error[SRP-108]: 99999999 is more than 1000"),
     "retries": (service("healthcheck: {test: x, retries: 1001}"), "1001 is more than 1000"),
+    "gpus": (service("gpus: 1000000"), "4:23: error[SRP-108]: '1000000' is more than 999999"),
     "a kernel": (service(f"requires: {{kernel: '>={'9' * 5000}'}}"), "is not a version such as >=5.10"),
     "a range of ports": (service("ports: ['1-65535:1-65535']"), "publishes 65535 ports; 1000 are the most"),
     "ranges of ports": (

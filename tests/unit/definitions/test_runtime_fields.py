@@ -9,6 +9,7 @@ import pytest
 from srprov.definitions import load_experiment
 from srprov.definitions.containermodel import Logging, Mount, Runtime
 from srprov.errors import DefinitionError
+from srprov.exporting.runtime import runtime_document
 
 
 def load(folder: Path, services: str, cdf: str = "") -> dict[str, Runtime]:
@@ -34,6 +35,17 @@ def test_every_field_in_its_plain_form(tmp_path: Path) -> None:
         init=False, read_only=True, hostname="robot.lab", runtime="nvidia",
     )  # fmt: skip
     assert one(tmp_path, "cpuset: 3").cpuset == "3"
+
+
+@pytest.mark.parametrize(
+    ("written", "count"), [("all", "all"), ("2", "2"), ("+2", "2"), ("0o7", "7"), ("0x1F", "31"), ("0xF423F", "999999")]
+)
+def test_a_number_of_gpus_is_kept_in_one_form(tmp_path: Path, written: str, count: str) -> None:
+    """Compose files and plans have it as a decimal."""
+    run = one(tmp_path, f"gpus: {written}")
+    assert run.gpus == count
+    devices = [{"count": "all" if count == "all" else int(count), "capabilities": ["gpu"]}]
+    assert runtime_document(run)["deploy"] == {"resources": {"reservations": {"devices": devices}}}
 
 
 @pytest.mark.parametrize(
