@@ -23,6 +23,10 @@ _MOST_MEMBERSHIPS = 500_000
 _MOST_VARIABLES = 500_000
 """Of hosts and of those in groups, all counted together: fifty for each of the most hosts."""
 
+_MOST_LITERALS = 400_000
+"""Characters of values that Python reads, with some for each of them: it takes a second for half a million."""
+_OF_EACH = 8
+
 Variables = dict[str, tuple[Scalar, Node]]
 """name -> (where its name stands, its value)"""
 
@@ -60,6 +64,7 @@ class HostTree:
         """More was said than an inventory may hold: no further hosts are added, and what is here is not the whole."""
         self._memberships = 0
         self._variables = 0
+        self._literals = 0
 
     def group(self, name: str) -> Group:
         """Return a group, made when it is new."""
@@ -101,6 +106,14 @@ class HostTree:
         elif self._variables > _MOST_VARIABLES:
             hint = "what all hosts of a group have is written once, as a variable of the group"
             self._overflow(place, f"hosts have more than {_MOST_VARIABLES} variables, all counted together", hint)
+        return not self.too_large
+
+    def has_room_for_literal(self, place: Node, length: int) -> bool:
+        """Count a value that Python is to read; where those are too much together, that is a finding."""
+        self._literals += length + _OF_EACH
+        if self._literals > _MOST_LITERALS and not self.too_large:
+            message = f"lists, maps and quoted values have more than {_MOST_LITERALS} characters, all counted together"
+            self._overflow(place, message, "write the inventory as YAML")
         return not self.too_large
 
     def _overflow(self, place: Node, message: str, hint: str = "") -> None:

@@ -95,7 +95,7 @@ def _host(place: Scalar, group: str, tree: HostTree) -> None:
             tree.findings.add(at, "is not key=value", code=Code.INVENTORY)
             continue
         where = Scalar(place.source, place.line, at.column + len(key) + 1, value)
-        variables[key] = (at, _value(where))
+        variables[key] = (at, _value(where, tree))
     tree.add_hosts(Scalar(place.source, place.line, place.column, name), group, variables)
 
 
@@ -107,12 +107,14 @@ def _variable(place: Scalar, group: str, tree: HostTree) -> None:
     offset = len(key) + 1 + len(value) - len(value.lstrip())
     where = Scalar(place.source, place.line, place.column + offset, value.strip())
     at = Scalar(place.source, place.line, place.column, key.strip())
-    tree.group(group).variables[key.strip()] = (at, _value(where))
+    tree.group(group).variables[key.strip()] = (at, _value(where, tree))
 
 
-def _value(place: Scalar) -> Node:
+def _value(place: Scalar, tree: HostTree) -> Node:
     """Read a value as Ansible does: a Python literal where it looks like one, else text."""
     if place.text[:1] not in "[{('\"" or not place.text or len(place.text) > _LONGEST_LITERAL:
+        return place
+    if not tree.has_room_for_literal(place, len(place.text)):
         return place
     try:
         literal = ast.literal_eval(place.text)

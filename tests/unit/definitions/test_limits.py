@@ -281,6 +281,14 @@ INVENTORIES = {
     "a circle": ("h.ini", "".join(f"[g{i}:children]\ng{(i + 1) % 5000}\n" for i in range(5000)), "contains itself"),
     "a line": ("h.ini", "r1 a=" + "x" * 900_000, "h.ini:1:1: error[SRP-110]: the line is longer than 50000 characters"),
     "lines": ("h.ini", "r1\n" * 400_000, "is longer than 1000000 characters"),
+    "lists in lists": (
+        "h.ini",
+        "r1\n[all:vars]\n" + f"a=[{f'{chr(91) * 50}{chr(93) * 50},' * 98}]\n" * 98,
+        "h.ini:43:3: error[SRP-110]: lists, maps and quoted values have more than 400000 characters",
+    ),
+    "a short list in each line": ("h.ini", "r1\n[all:vars]\n" + "a=[]\n" * 190_000, "lists, maps and quoted values"),
+    "what is no list in each line": ("h.ini", "r1\n[all:vars]\n" + "a='\n" * 230_000, "lists, maps and quoted values"),
+    "short lists of hosts": ("h.ini", ("r1 " + "a=[] " * 9900 + "\n") * 19, "lists, maps and quoted values"),
     "a variable of each": (
         "h.yml",
         "all:\n  vars:\n" + "".join(f"    ansible_x{i}: 1\n" for i in range(25_000)) + "  hosts: {'r[0:999]': }\n",
@@ -317,6 +325,12 @@ def test_a_large_lab_is_far_from_the_limits(tmp_path: Path) -> None:
         cpu_s=6,
     )
     assert counted == [(2222, ("arm",), 29)] * 10_000
+
+
+def test_every_robot_of_a_large_lab_may_have_a_list_of_its_own(tmp_path: Path) -> None:
+    (tmp_path / "h.ini").write_text("".join(f"r{i} srprov_tags=\"['arm','camera']\"\n" for i in range(10_000)))
+    read = bounded(lambda: {one.tags for one in load_inventory([tmp_path / "h.ini"]).hosts.values()}, cpu_s=6)
+    assert read == {("arm", "camera")}
 
 
 def test_every_group_counts_by_its_longest_way_from_all(tmp_path: Path) -> None:
