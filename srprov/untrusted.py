@@ -17,6 +17,8 @@ TEXT_LENGTH = 200
 """Characters of a text that is shown."""
 STRING_LENGTH = 65_536
 """Characters of a text that is only compared."""
+LONGEST_PATH = 4096
+"""Bytes that Linux takes as a path. One of 65,000 lies in 30,000 folders, whose names are a gigabyte together."""
 LIST_LENGTH = 1024
 """Entries that a list of facts may have: links, routes, devices."""
 MAX_JSON_CHARACTERS = 8 * 1024 * 1024
@@ -185,9 +187,17 @@ def folder(value: object) -> str:
 
 
 def absolute(value: object) -> str:
-    """Return an absolute path as `string` does, for a word of a shell, which holds no NUL; what is none is ""."""
+    """Return an absolute path as `string` does, for a word of a shell, which holds no NUL; what is none is "".
+
+    What is longer than any path of Linux is none.
+    """
     said = string(value)
-    return said if said.startswith("/") and "\0" not in said else ""
+    return said if said.startswith("/") and "\0" not in said and not is_too_long(said) else ""
+
+
+def is_too_long(path: str) -> bool:
+    """Tell whether a path is longer than Linux takes."""
+    return len(path) > LONGEST_PATH or len(path.encode("utf-8", "replace")) > LONGEST_PATH
 
 
 def lines_of(out: str, most: int) -> list[str]:

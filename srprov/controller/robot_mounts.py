@@ -69,9 +69,9 @@ class Mounts:
 
     def _place(self, real: str) -> tuple[str, str]:
         """Go from mount to mount as the kernel does; what is hidden by a later one above it is passed by."""
-        number, seen, found = "", set[str](), ("", "")
-        for slash in re.finditer("/", f"{real}/"):
-            point = f"{real}/"[: slash.end()]
+        number, seen, found, whole = "", set[str](), ("", ""), f"{real}/"
+        for slash in re.finditer("/", whole):
+            point = whole[: slash.end()]
             self._count(1)
             while (one := self._on.get((number, point))) and one[0] not in seen:
                 self._count(1)
@@ -103,7 +103,8 @@ class Mounts:
             for slash in re.finditer("/", place):  # the longer ones of what holds it were found above
                 above = place[: slash.end()]
                 self._count(1)
-                found.update(f"{point}/{place[len(above) :]}" for point in self._shown_at.get(above, ()))
+                if above in self._shown_at:
+                    found.update(f"{point}/{place[len(above) :]}" for point in self._shown_at[above])
             self._count(len(inside))
         return {one.rstrip("/") or "/" for one in found}
 

@@ -45,8 +45,8 @@ def shared(paths: Iterable[tuple[str, bool, Collection[str]]], reply: Reply, ins
         for path in sorted({f"{one.rstrip('/')}/" for one in names}):
             above = (path[: slash.end()] for slash in re.finditer("/", path))
             below = known[bisect_left(known, path) : bisect_left(known, f"{path[:-1]}0")]  # "0" follows "/"
-            for one in (*above, *below):
-                _add(found, users.get(one, {}))
+            for one in (*(path for path in above if path in users), *below):
+                _add(found, users[one])
         if some := sorted(name for name, writes in found.items() if written or writes):
             others = f"{'containers' if len(some) > 1 else 'container'} {', '.join(some)} of others"
             yield f"{said} {'is had by' if written else 'may be written to by'} the {others}: {_WHY[written]}"

@@ -114,6 +114,14 @@ def test_values_of_the_wrong_kind_are_empty() -> None:
     assert mappings("x") == []
 
 
+@pytest.mark.parametrize(("path", "is_one"), [
+    ("/" + "a" * 4095, True), ("/" + "a" * 4096, False), ("/" + "ä" * 2047, True), ("/" + "ä" * 2048, False),
+    ("/\ud800", True), ("relative", False), ("/a\0b", False),
+])  # fmt: skip
+def test_what_is_longer_than_linux_takes_is_no_path(path: str, is_one: bool) -> None:
+    assert untrusted.absolute(path) == (string(path) if is_one else "")
+
+
 def test_half_a_surrogate_pair_can_be_written_to_a_file() -> None:
     name = parse_json('"a\\ud800b"')
     assert string(name).encode() == b"a?b"

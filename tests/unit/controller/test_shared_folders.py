@@ -7,6 +7,8 @@ from typing import Any
 
 import pytest
 
+from srprov.controller.device_links import led_to
+from srprov.controller.robot_mounts import Mounts
 from srprov.controller.shared_folders import shared
 from srprov.wire import Reply
 from tests.bounded import bounded
@@ -81,3 +83,15 @@ def test_thousands_of_each_are_told_in_time() -> None:
     reply = Reply(status=200, out=json.dumps(many))
     paths = [(f"{n}", True, (f"/srv/{n}",)) for n in range(3000)]
     assert bounded(lambda: list(shared(paths, reply, "nav")), 10.0) == []
+
+
+def test_a_robot_s_path_of_thirty_thousand_folders_costs_nothing() -> None:
+    """Each folder above it was built: a gigabyte of names for one bind."""
+    reply = Reply(status=200, out=json.dumps([container("x", "/srv/other")]))
+
+    def told() -> list[str]:
+        real = led_to(f"0 /srv{'/a' * 30_000}\n")["0"] or "/srv/d"
+        Mounts("1 0 8:1 / / rw - ext4 /dev/sda rw\n").names(real)
+        return list(shared([("it", True, ("/srv/d", real))], reply, "nav"))
+
+    assert bounded(told) == []
