@@ -62,6 +62,7 @@ ROOMS: Mapping[str, Room] = {
     "image_reference": room(),
     "published": room(),
     "tree_links": room(),
+    "trees": room(),
     "git_address": room(),
     # Runs git on the controller: what it fetches are files of strangers.
     "git": room(
@@ -135,7 +136,7 @@ ROOMS: Mapping[str, Room] = {
     "importing": room("codes errors private regular_file untrusted image_reference linear_regex yamldoc definitions"),
     # A Compose project in its normal form -> the folder of an experiment.
     "conversion": room(
-        "believed codes errors names private published regular_file tree_links yamldoc definitions importing"
+        "believed codes errors names private published regular_file tree_links trees yamldoc definitions importing"
     ),
     # Compose files of an experiment: as values, but for the one file that writes them into a folder.
     "exporting": room(
@@ -144,7 +145,7 @@ ROOMS: Mapping[str, Room] = {
     ),
     # Images as files of strangers: nothing is opened, nothing of them is run.
     "oci": room("image_reference layers untrusted"),
-    "lab": room("codes errors regular_file yamldoc", "yaml"),
+    "lab": room("codes errors regular_file trees yamldoc", "yaml"),
     "trials": room("codes errors linear_regex untrusted time_sync definitions.trialsmodel definitions.trialpoints"),
     "linear_regex": room(foreign="re2"),
     "time_sync": room("untrusted"),

@@ -11,13 +11,12 @@ import errno
 import functools
 import os
 import secrets
-import shutil
 import stat
 from collections.abc import Collection, Sequence
 
 from msgspec.structs import replace
 
-from srprov import __version__, believed, regular_file
+from srprov import __version__, believed, regular_file, trees
 from srprov.codes import Code
 from srprov.conversion.experiment import Draft
 from srprov.conversion.report import as_markdown
@@ -88,7 +87,7 @@ def write(draft: Draft, folder: str, files: Sequence[str]) -> None:
             f"cannot write {error.filename or folder}: {error.strerror}", code=Code.CANNOT_WRITE
         ) from error
     finally:
-        shutil.rmtree(beside, ignore_errors=True)
+        trees.remove(beside)
 
 
 def _has_profiles(draft: Draft) -> bool:

@@ -15,6 +15,7 @@ import time
 import uuid
 from pathlib import Path
 
+from srprov import trees
 from srprov.codes import Code
 from srprov.errors import LabError
 from srprov.lab import arm64, config, users
@@ -35,7 +36,7 @@ def prepare(site: Site, robot: Robot) -> None:
     """Make the disk of a robot that has none, and bring what the options decide up to date."""
     top = site.disk(robot.name)
     if not (top / "made").exists():
-        shutil.rmtree(top, ignore_errors=True)
+        trees.remove(top)
         for part in ("upper", "work", "root", "docker", "figures"):
             (top / part).mkdir(parents=True)
         top.chmod(0o700)
@@ -50,7 +51,7 @@ def prepare(site: Site, robot: Robot) -> None:
 
 def remove(site: Site, name: str) -> None:
     """Remove the disk; the robot must be dead."""
-    shutil.rmtree(site.disk(name), ignore_errors=True)
+    trees.remove(site.disk(name))
 
 
 def host_key(site: Site, name: str) -> str:

@@ -11,6 +11,7 @@ import contextlib
 import shutil
 from pathlib import Path
 
+from srprov import trees
 from srprov.codes import Code
 from srprov.errors import LabError
 from srprov.lab import arm64, cgroups, network, state
@@ -72,8 +73,8 @@ def release(site: Site) -> None:
     """Forget a lab of which nothing is left but its number; with the last one, set the settings back."""
     with state.locked(MACHINE):
         cgroups.remove_all(site)
-        shutil.rmtree(site.disks, ignore_errors=True)
-        shutil.rmtree(site.run, ignore_errors=True)
+        trees.remove(site.disks)
+        trees.remove(site.run)
         if site.name:
             _remove_empty(site.disks.parent)
         if not every():

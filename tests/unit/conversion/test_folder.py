@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from srprov import trees
 from srprov.conversion import folder, report
 from srprov.conversion.folder import check_target, write
 from srprov.conversion.tree import Tree
@@ -176,6 +177,19 @@ def test_a_folder_that_is_there_and_empty_is_filled(stack: Path, monkeypatch: py
     assert left(Path()) == ["experiment.edf", "files", "import-report.md"]
     assert target.stat().st_ino == before
     load_experiment("experiment.edf")
+
+
+def test_nothing_is_left_of_a_file_a_thousand_folders_deep_either(stack: Path) -> None:
+    place = stack.joinpath(*["a"] * 1400)
+    for one in [*reversed(place.parents), place]:
+        one.mkdir(exist_ok=True)
+    (place / "file").write_text("x")
+    mount = {"type": "bind", "source": f"./{'a/' * 1400}file", "target": "/f", "read_only": True}
+    services = {"a": {**IMAGE, "volumes": [mount]}, "b": {"image": "Not An Image"}}
+    with pytest.raises(Refused):
+        write(draft(project(services), stack, out="../out"), str(stack.parent / "out"), ["compose.yaml"])
+    trees.remove(stack / "a")  # pytest's own way ends there, too
+    assert left(stack.parent) == ["stack"]
 
 
 def test_an_empty_folder_stays_empty_when_something_is_refused(stack: Path) -> None:
