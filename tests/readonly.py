@@ -403,6 +403,8 @@ def _violations(words: Sequence[Word]) -> list[str]:
         return _violations(words[2:]) if len(words) > 2 and rest[0].isdigit() else [shown]
     if name.text == "unshare" and rest[:5] == ["-m", "sh", "-c", _ENTER, "sh"] and rest[7:8] == ["ro"]:
         return shell_violations(rest[6])  # in a mount namespace of its own, where nothing can be written
+    if name.text == "xargs" and [*rest[:3], *rest[4:]] == ["-0", "sh", "-c", "sh"] and words[4].literal:
+        return shell_violations(rest[3])  # what it is given becomes words of that
     if name.text == "eval":
         return shell_violations(rest[0]) if len(words) == 2 and words[1].literal else [shown]
     if name.text == "sh":

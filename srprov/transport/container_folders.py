@@ -8,19 +8,19 @@ robot. Links are followed here, one by one, as the container would. GNU tar and 
 from __future__ import annotations
 
 import posixpath
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import TYPE_CHECKING
-
-from msgspec.structs import replace
 
 from srprov.codes import Code
 from srprov.container_files import ContainerFiles, InContainer, is_mended
 from srprov.errors import RefusedError, TransportError, UsageError, visible
 from srprov.sandbox import ELSEWHERE, LED_OUT, MISSING, NO_SANDBOX, NOT_CLOSED, ending, inside, sandboxed
 from srprov.transport import container_view
+from srprov.transport.container_look import LOOK, Found, decoded, looked, text_of, told
 from srprov.transport.container_streams import failed, given, taken
 from srprov.transport.container_tar import written_anew
-from srprov.transport.container_view import About, Found, Part, View, within
+from srprov.transport.container_view import About, Part, View
+from srprov.transport.container_walk import UPDATE, Walk
 from srprov.untrusted import mapping, string
 from srprov.wire import EngineQuery, Query, quote
 
@@ -37,16 +37,15 @@ _WHY = {
     _NOT_ROOT: "only root reads there",
 }
 _ROOT = f'[ "$(id -u)" = 0 ] || exit {_NOT_ROOT}; '
-_FIND = f"find . -prune -printf '' || exit {_NO_TOOLS}; "
+_FIND = f"find . -prune -printf '' && command -v xargs >/dev/null || exit {_NO_TOOLS}; "
 _GNU = f"tar --version 2>/dev/null | grep -q GNU || exit {_NO_TOOLS}; "
 _IN = f'cd -- "$what" || exit {MISSING}; case "$(pwd -P)/" in "$here"/*) ;; *) exit {LED_OUT} ;; esac; '
 _TAR = "tar --create --format=posix --numeric-owner '--pax-option=delete=atime,delete=ctime' -- \"$what\""
 _UNTAR = f"{_IN}printf 'ready\\n' && tar --extract --preserve-permissions --same-owner --numeric-owner"
-_MOST_LINKS = 40
 _MOST_LISTED = 6 << 20
 """Bytes of the names of what is there already."""
 _LISTING_S = 120.0
-_UPDATE = "update the robot's Docker Engine to 29.5.1 or later"
+_SHOWN = 200
 
 
 def files_of(session: EngineStreams, container: str, engine: ContainerFiles) -> ContainerFiles:
@@ -84,11 +83,12 @@ class FolderFiles:
         """Take the robot, and what its engine says of the container."""
         self._session, self._container, self._about = session, container, found
         if found.remapped:
-            raise self._refused("/", "its users have other numbers on the robot", _UPDATE)
+            raise self._refused("/", "its users have other numbers on the robot", UPDATE)
         if found.too_many:
-            raise self._refused("/", "it has more mounts than are looked at", _UPDATE)
-        self._view = container_view.view(found, self._asked("/", container_view.sources_script(found)))
-        self._view = self._settled(self._view)
+            raise self._refused("/", "it has more mounts than are looked at, or longer ones", UPDATE)
+        (said,) = self._asked("/", container_view.sources_script(found))
+        self._walked = Walk(self._look, self._part_of, self._refused)
+        self._view = self._walked.settled(container_view.view(found, said))
 
     def path_in(self, _container: str, path: str) -> InContainer | None:
         """Say what is at a path; see `ContainerFiles.path_in`."""
@@ -105,8 +105,8 @@ class FolderFiles:
         part = self._part(path)
         if found is not None and found.kind == "d" and (other := self._view.mounted_below(path)):
             why = f"{other} is mounted in it, and would be missing"
-            raise self._refused(path, why, f"copy what lies there, and beside it, by its own path; or {_UPDATE}")
-        script = inside(part.root, self._below(part, path), _GNU + _TAR, part.root)
+            raise self._refused(path, why, f"copy what lies there, and beside it, by its own path; or {UPDATE}")
+        script = inside(part.root, part.below(path), _GNU + _TAR, part.root)
         streams = self._session.open_shell(ending(_ROOT + script))
         return taken(self._session.host, streams, path, _WHY)
 
@@ -119,90 +119,60 @@ class FolderFiles:
         if not part.writable:
             raise self._refused(folder, "it is there to be read only", "copy into a volume that it may write to")
         there = _There(self, part, folder)
-        script = inside(part.root, self._below(part, folder), _GNU + _UNTAR, part.root, way="rw")
+        script = inside(part.root, part.below(folder), _GNU + _UNTAR, part.root, way="rw")
         streams = self._session.open_shell(ending(_ROOT + script))
         given(self._session.host, streams, folder, _WHY, written_anew(tar, there.check))
 
-    def _settled(self, seen: View) -> View:
-        """Return the view with each mount also where links in the container's files have led it."""
-        root = next((one for one in seen.parts if one.at == "/"), None)
-        rest = sorted((one for one in seen.parts if one.at != "/"), key=lambda one: len(one.at))
-        if root is None or all(found.kind != "l" for found in self._look(root, [one.at for one in rest]).values()):
-            return seen
-        self._view = View((root,))
-        for one in rest:
-            self._view = View((*self._view.parts, replace(one, at=self._walk(one.at, follow=True)[0])))
-        return View((*seen.parts, *(one for one in self._view.parts if one not in seen.parts)))
-
     def _walk(self, path: str, *, follow: bool) -> tuple[str, Found | None]:
         """Return where a path leads in the container, by no link, and what is there; the last link only if asked."""
-        above, names = "/", _names(path)
-        for _ in range(_MOST_LINKS):
-            up = names.index("..") if ".." in names else len(names)
-            whole = posixpath.join(above, *names[:up])
-            part = self._part(whole)
-            steps = self._look(part, [whole])
-            link = next((at for at in _prefixes(whole) if at in steps and steps[at].kind == "l"), "")
-            if link and (link != whole or follow or names[up:]):
-                after = _names(whole[len(link) :]) + names[up:]
-                above, names = posixpath.dirname(link), _names(steps[link].link) + after
-                above = "/" if steps[link].link.startswith("/") else above
-            elif names[up:]:
-                above, names = posixpath.dirname(whole), names[up + 1 :]
-            else:
-                return whole, steps.get(whole)
-        raise self._refused(path, "links lead in a circle", "")
+        return self._walked.to(self._view, path, follow=follow)
 
     def _part(self, path: str) -> Part:
+        return self._part_of(self._view, path)
+
+    def _part_of(self, view: View, path: str) -> Part:
         """Return what a path lies in; raises RefusedError when its engine alone could read that."""
-        if part := self._view.part_of(path):
+        if part := view.part_of(path):
             return part
-        if over := self._view.mounted_over(path, "/"):
-            raise self._refused(path, f"what is mounted at {over} cannot be read by a path of the robot", _UPDATE)
-        why, do = "its files outside of volumes have no folder on the robot", _UPDATE
+        if over := view.mounted_over(path, "/"):
+            raise self._refused(path, f"what is mounted at {over} cannot be read by a path of the robot", UPDATE)
+        why, do = "its files outside of volumes have no folder on the robot", UPDATE
         if not self._about.running:
             why = "it does not run, and others could lead its engine elsewhere"
-            do = f"start it, copy what lies in a volume by its own path, or stop the others; or {_UPDATE}"
+            do = f"start it, copy what lies in a volume by its own path, or stop the others; or {UPDATE}"
         raise self._refused(path, why, do)
 
-    def _look(self, part: Part, paths: Iterable[str]) -> Mapping[str, Found]:
-        """Return what is at paths of one part, and at all above them there, by their paths in the container."""
-        names = {f"./{self._below(part, at)}": at for path in paths for at in _prefixes(path) if within(at, part.at)}
-        names = {name: at for name, at in names.items() if not part.name or at == part.at}
-        said = self._asked(part.at, sandboxed(part.root, _FIND + container_view.look_script(list(names)), part.root))
-        return {names[name]: found for name, found in container_view.looked(said).items() if name in names}
-
-    def _below(self, part: Part, path: str) -> str:
-        return part.name or posixpath.relpath(path, part.at)
+    def _look(self, path: str, names: Mapping[str, Collection[str]]) -> Mapping[str, Mapping[str, Found]]:
+        """Ask the robot what is where; see `container_walk.Look`."""
+        find = _FIND + LOOK
+        scripts = [told(some, sandboxed(root, find, root)) for root, some in names.items()]
+        return dict(zip(names, map(looked, self._asked(path, *scripts)), strict=True))
 
     def listed(self, part: Part, folder: str, what: str, depth: str) -> Mapping[str, bool]:
         """Return the paths below a folder that are there, and whether each is one."""
         find = f"find {quote(what)} {depth} -printf '%y%p\\0' 2>/dev/null | head -c {_MOST_LISTED} | base64 -w 0"
-        found = container_view.decoded(
-            self._asked(folder, inside(part.root, self._below(part, folder), _IN + find, part.root))
-        )
+        (said,) = self._asked(folder, inside(part.root, part.below(folder), _IN + find, part.root))
+        found = decoded(said)
         if len(found) == _MOST_LISTED:
             why = "more is there than can be compared"
-            raise self._refused(folder, why, f"copy into a folder below it; or {_UPDATE}")
-        return {
-            container_view.text_of(one[1:]).removeprefix("./"): one[:1] == b"d" for one in found.split(b"\0") if one
-        }
+            raise self._refused(folder, why, f"copy into a folder below it; or {UPDATE}")
+        return {text_of(one[1:]).removeprefix("./"): one[:1] == b"d" for one in found.split(b"\0") if one}
 
     def refuse_mounted(self, path: str, folder: str) -> None:
         """Refuse a path below a folder where something else is mounted, which would stay as it is."""
         if over := self._view.mounted_over(path, folder):
             why = f"{over} is mounted in {folder}, and would not get it"
-            do = f"copy what it is to get by a path in {over}; or {_UPDATE}"
-            raise self._refused(path, why, do if self._part(over).name == "" else _UPDATE)
+            do = f"copy what it is to get by a path in {over}; or {UPDATE}"
+            raise self._refused(path, why, do if self._part(over).name == "" else UPDATE)
 
-    def _asked(self, path: str, script: str) -> str:
-        (reply,) = self._session.ask([Query(command=_ROOT + script, timeout_s=_LISTING_S)])
-        if not reply.ok:
-            raise failed(self._session.host, f"{path} cannot be looked at", reply.status, reply.err, _WHY)
-        return reply.out
+    def _asked(self, path: str, *scripts: str) -> list[str]:
+        replies = self._session.ask([Query(command=_ROOT + one, timeout_s=_LISTING_S) for one in scripts])
+        if failing := next((one for one in replies if not one.ok), None):
+            raise failed(self._session.host, f"{path[:_SHOWN]} cannot be looked at", failing.status, failing.err, _WHY)
+        return [one.out for one in replies]
 
     def _refused(self, path: str, why: str, hint: str) -> RefusedError:
-        where = f"{path} of {self._container} on {self._session.host} cannot be copied"
+        where = f"{path[:_SHOWN]} of {self._container} on {self._session.host} cannot be copied"
         return RefusedError(visible(f"{where}: {why}"), hint=hint, code=Code.ENGINE)
 
 
@@ -238,13 +208,3 @@ class _There:
             self._tops.add(top)
             self._known |= self._files.listed(self._part, self._folder, f"./{top}", "")
         return self._known.get("/".join(parts))
-
-
-def _names(path: str) -> list[str]:
-    return [name for name in path.split("/") if name not in ("", ".")]
-
-
-def _prefixes(path: str) -> list[str]:
-    """Return a path and all above it, the highest first."""
-    names = _names(path)
-    return ["/" + "/".join(names[:end]) for end in range(len(names) + 1)]

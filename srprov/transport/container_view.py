@@ -10,17 +10,17 @@ Source: moby, `daemon/volumes_unix.go` and `container/container_unix.go`; tried 
 
 from __future__ import annotations
 
-import base64
-import binascii
 import posixpath
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 
 import msgspec
 
 from srprov.led import led_of
 from srprov.sandbox import named
-from srprov.untrusted import absolute, mapping, mappings, string
+from srprov.transport.container_look import decoded, text_of
+from srprov.transport.path_index import Folders
+from srprov.untrusted import absolute, is_too_long, mapping, mappings, string
 from srprov.wire import quote
 
 _OWN_FILES = {"/etc/hosts": "HostsPath", "/etc/hostname": "HostnamePath", "/etc/resolv.conf": "ResolvConfPath"}
@@ -28,12 +28,12 @@ _OWN_FILES = {"/etc/hosts": "HostsPath", "/etc/hostname": "HostnamePath", "/etc/
 _SRPROVS = ("/var/lib/srprov/", "/run/srprov/")
 """Below which srprov keeps what containers read alone: trees, data sets and secrets."""
 _NO_ID = "\0"
-_LONGEST_LINK = 4096
-"""Bytes that Linux takes."""
 _MOST_MOUNTED = 5000
 _AT_REST = ("created", "exited", "dead")
 _MOST_MOUNTS = 1000
 """Of a container: an EDF names no more, but images may."""
+_LONGEST_MOUNTS = 1 << 20
+"""Characters of all their paths."""
 _REMAPPED = re.compile(r"/[0-9]+\.[0-9]+/containers/", re.ASCII)
 """Where an engine that remaps users keeps its containers."""
 
@@ -61,7 +61,7 @@ class About(msgspec.Struct, frozen=True, kw_only=True):
     led: Mapping[str, str] = msgspec.field(default_factory=dict)
     """The robot's path -> where it led when the container was made; of others nothing is known."""
     too_many: bool = False
-    """It has more mounts than are looked at, which an engine lists in any order: none is known not to be there."""
+    """It has more mounts than are looked at, or longer ones; an engine lists them in any order: any may be there."""
 
 
 class Part(msgspec.Struct, frozen=True, kw_only=True):
@@ -73,32 +73,59 @@ class Part(msgspec.Struct, frozen=True, kw_only=True):
     name: str = ""
     """Of the file."""
     writable: bool = True
-    holes: tuple[str, ...] = ()
-    """Where the robot has something else mounted below, relative to it."""
+
+    def on_robot(self, path: str) -> str:
+        """Return where a path that lies in it is on the robot."""
+        return f"{self.root.rstrip('/')}{path[len(self.at.rstrip('/')) :]}"
+
+    def below(self, path: str) -> str:
+        """Return what a path that lies in it is called in its root."""
+        return self.name or path[len(self.at.rstrip("/")) :].lstrip("/") or "."
+
+    def seen_at(self, path: str) -> str:
+        """Return where the container sees a path of the robot that lies in it."""
+        return f"{self.at.rstrip('/')}{path[len(self.root.rstrip('/')) :]}"
 
 
-class View(msgspec.Struct, frozen=True):
+class View:
     """All that a container sees, as far as it can be read without its engine."""
 
-    parts: tuple[Part, ...]
+    def __init__(self, parts: Iterable[Part], mounted: Folders) -> None:
+        """Take its parts, of which the first one at a place counts, and what is mounted on the robot."""
+        self.parts = tuple(parts)
+        self._mounted = mounted
+        self._at = {one.at: one for one in reversed(self.parts)}
+        self._places = Folders(self._at)
+
+    def of(self, parts: Iterable[Part]) -> View:
+        """Return a view of other parts on the same robot."""
+        return View(parts, self._mounted)
 
     def part_of(self, path: str) -> Part | None:
         """Return what a path lies in; None: in nothing that can be read."""
-        best = max((one for one in self.parts if within(path, one.at)), key=lambda one: len(one.at), default=None)
+        best = next((self._at[one] for one in self._places.holding(path)), None)
         return None if best is None or not best.root or self.mounted_over(path, best.at) else best
 
     def mounted_over(self, path: str, above: str) -> str:
         """Return what is mounted below a folder, at a path or above that; or nothing."""
-        over = (one for one in self._places() if len(one) > len(above) and within(path, one))
-        return max(over, key=len, default="")
+        over = [*self._places.holding(path), *self._robots_over(path)]
+        return max((one for one in over if len(one) > len(above)), key=len, default="")
 
     def mounted_below(self, path: str) -> str:
         """Return what is mounted below a path, or nothing."""
-        return next((one for one in self._places() if one != path and within(one, path)), "")
+        robots = (one.seen_at(hole) for one in self._folders(path) if (hole := self._mounted.below(one.on_robot(path))))
+        return self._places.below(path) or next(robots, "")
 
-    def _places(self) -> list[str]:
-        holes = [posixpath.join(one.at, hole) for one in self.parts for hole in one.holes]
-        return [*(one.at for one in self.parts), *holes]
+    def _robots_over(self, path: str) -> Iterator[str]:
+        """Yield what the robot itself has mounted in the folders that a path lies in, at the path or above that."""
+        for one in self._folders(path):
+            hole = next(self._mounted.holding(one.on_robot(path)), "")
+            if len(hole) > len(one.root) and within(hole, one.root):
+                yield one.seen_at(hole)
+
+    def _folders(self, path: str) -> Iterator[Part]:
+        parts = (self._at[one] for one in self._places.holding(path))
+        return (one for one in parts if one.root and not one.name)
 
 
 def within(path: str, above: str) -> bool:
@@ -130,9 +157,14 @@ def about(inspected: object) -> About:
         merged=absolute(mapping(graph.get("Data")).get("MergedDir")) if graph.get("Name") == "overlay2" else "",
         read_only=mapping(found.get("HostConfig")).get("ReadonlyRootfs") is True,
         remapped=any(_REMAPPED.search(path) for path in paths.values()),
-        too_many=len(every) > _MOST_MOUNTS,
+        too_many=len(every) > _MOST_MOUNTS or _are_long(every),
         led=led_of(found),
     )
+
+
+def _are_long(mounts: Iterable[Mapping[str, object]]) -> bool:
+    paths = [string(one.get(key)) for one in mounts for key in ("Source", "Destination")]
+    return sum(map(len, paths)) > _LONGEST_MOUNTS or any(map(is_too_long, paths))
 
 
 def _place(destination: str) -> str:
@@ -165,61 +197,21 @@ def view(one: About, said: str) -> View:
     What leads elsewhere than when the container was made is not there: a link came in its way since.
     """
     *found, points = decoded(said).split(b"\0")
-    mounted = [named(line) for line in points.splitlines()]
+    mounted = {named(line) for line in points.splitlines()}
     if len(found) != 1 + len(one.mounts) or len(mounted) > _MOST_MOUNTED:
-        return View(())
+        return View((), Folders())
     root = Mount(at="/", source=one.merged, writable=not one.read_only)
     there = one.merged and one.running and found[0][1:] in mounted
     parts = [
-        _part(mount, real if text_of(real[1:]) == one.led.get(mount.source, text_of(real[1:])) else b"", mounted)
+        _part(mount, real if text_of(real[1:]) == one.led.get(mount.source, text_of(real[1:])) else b"")
         for mount, real in zip((root, *one.mounts), found, strict=True)
     ]
-    return View(tuple(parts if there else parts[1:]))
+    return View(parts if there else parts[1:], Folders(map(text_of, mounted)))
 
 
-def _part(mount: Mount, real: bytes, mounted: Sequence[bytes]) -> Part:
-    kind, path = real[:1], real[1:]
-    root, above = text_of(path), path.rstrip(b"/") + b"/"
-    if kind == b"f":
+def _part(mount: Mount, real: bytes) -> Part:
+    root = text_of(real[1:])
+    if real[:1] == b"f":
         folder, name = posixpath.split(root)
         return Part(at=mount.at, root=folder, name=name, writable=False)
-    holes = tuple(text_of(one[len(above) :]) for one in mounted if one.startswith(above) and one != above)
-    return Part(at=mount.at, root=root, writable=mount.writable, holes=holes if kind else ())
-
-
-class Found(msgspec.Struct, frozen=True):
-    """What is at a path."""
-
-    kind: str
-    """As `find` says it: f, d, l and others."""
-    size: int = 0
-    link: str = ""
-
-
-def look_script(names: Sequence[str]) -> str:
-    """Return the question what is at paths below where one is; it follows no link at the end of one."""
-    words = " ".join(quote(one) for one in names)
-    return f"find {words} -prune -printf '%p\\0%y %s\\0%l\\0' 2>/dev/null | base64 -w 0"
-
-
-def looked(said: str) -> Mapping[str, Found]:
-    """Return path -> what is there, by what a robot answers to that."""
-    words, found = decoded(said).split(b"\0"), dict[str, Found]()
-    for name, about_it, link in zip(words[::3], words[1::3], words[2::3], strict=False):
-        kind, _, size = about_it.decode("ascii", "replace").partition(" ")
-        if kind and len(link) <= _LONGEST_LINK:
-            found[text_of(name)] = Found(kind, int(size[:18]) if size.isdecimal() else 0, text_of(link))
-    return found
-
-
-def decoded(said: str) -> bytes:
-    """Return the bytes that a robot says in letters, as names may be any bytes; nothing when it says something else."""
-    try:
-        return base64.b64decode(said.strip(), validate=True)
-    except (binascii.Error, ValueError):
-        return b""
-
-
-def text_of(name: bytes) -> str:
-    """Return a name as Python has those of files."""
-    return name.decode("utf-8", "surrogateescape")
+    return Part(at=mount.at, root=root if real[:1] else "", writable=mount.writable)

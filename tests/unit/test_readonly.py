@@ -100,6 +100,8 @@ def test_a_probe_changes_nothing_but_its_own_file() -> None:
         "nsenter --net=/proc/7/ns/net ip link del x", "iptables-save -f /tmp/x",
         "exec reboot", "while read l; do dd of=$l; done", "sort -o x y", "test -e x || mkdir x", "ls\nrm x",
         "cat x 2>/tmp/y", "echo 'unterminated", "case x in a) ls;; *) touch y;; esac", "export LD_PRELOAD=x",
+        "xargs rm", "xargs -0 rm", "xargs -0 sh -c 'rm \"$@\"' sh", "xargs -0 sh -c \"$x\" sh",
+        "xargs -0 sh -c 'ls' sh rm",
         "\\rm x", "r'm' x", "(eval 'rm x')", "command rm x", "r[m] x", "PATH=/usr/local/evil ls",
     ],
 )  # fmt: skip

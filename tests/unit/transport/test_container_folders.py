@@ -241,6 +241,26 @@ def test_a_mount_is_found_where_a_link_of_the_image_leads_its_path(world: World,
         session.copy_out("c", "/run")
 
 
+def test_more_folders_above_mounts_than_a_program_takes_as_words_are_looked_at(world: World, session: Session) -> None:
+    """Their names were one word of `sh -c`, which takes 128 KiB: no file of such an image's containers was copied."""
+    (world.merged / "var").mkdir()
+    (world.merged / "var/run").symlink_to("/run")
+    (world.data / "it's").write_text("x")
+    mounts, data = world.inspected["Mounts"], world.inspected["Mounts"][0]
+    mounts += [{**data, "Destination": f"/var/run/{n}" + "/a" * 300} for n in range(2)]
+    mounts += [{**data, "Destination": f"/var/run/{n}/" + "b" * 250} for n in range(100)]
+    assert session.path_in("c", f"/run/7/{'b' * 250}/it's") == InContainer(is_file=True, size=1)
+    assert session.path_in("c", "/run/1" + "/a" * 300 + "/it's") == InContainer(is_file=True, size=1)
+
+
+def test_mounts_in_more_folders_than_are_looked_at_are_refused(world: World, session: Session) -> None:
+    mounts, data = world.inspected["Mounts"], world.inspected["Mounts"][0]
+    mounts += [{**data, "Destination": f"/v{n}" + "/abc" * 220} for n in range(90)]
+    with pytest.raises(RefusedError, match="more folders than are looked at") as error:
+        session.path_in("c", "/w/file")
+    assert "29.5.1" in error.value.hint
+
+
 def test_a_mount_without_a_slash_is_found_below_the_root(world: World, session: Session) -> None:
     """`VOLUME data` of an image: what is there was left out without a word."""
     world.inspected["Mounts"][0]["Destination"] = "data"
