@@ -12,7 +12,9 @@ from srprov.facts.probes import counters
 from srprov.modules.observe import observe_queries
 from srprov.probing import look
 from srprov.probing.script import run, upload
+from srprov.sandbox import sandboxed
 from srprov.snapshot import debian, gitscript, questions, sources
+from srprov.transport.container_look import LOOK, told
 from srprov.transport.shell.frames import batch, start_command
 from srprov.trials import hosts
 from srprov.wire import Query, sh
@@ -132,6 +134,13 @@ def test_what_changes_something_is_seen(script: str) -> None:
 def test_a_program_that_could_do_more_than_read_is_seen(script: str) -> None:
     """Without one of its limits, as root, or asked anything else, git is not let pass."""
     assert shell_violations(script)
+
+
+def test_what_cp_looks_at_is_only_read() -> None:
+    """Names come on standard input, into a folder that is closed off."""
+    assert shell_violations(told(["./it's", "./-delete"], sandboxed("/m", LOOK, "/m"))) == []
+    assert shell_violations(told(["./a"], sandboxed("/m", LOOK.replace("find", "rm"), "/m")))
+    assert shell_violations(told(["./a"], sandboxed("/m", LOOK, "/m", way="rw")))
 
 
 def test_the_list_is_closed_and_says_nothing_that_writes() -> None:
