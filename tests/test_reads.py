@@ -30,7 +30,6 @@ OWN: Mapping[str, str] = {
     "controller/folder_entries.py:open_folder": "a folder, only to write into it",
     "controller/folder_entries.py:open_file": "what copied_out.py put there right before: a plain file, by no link",
     "controller/trial_folder.py:alone": "a folder, only to lock it",
-    "trees.py": "folders, only to remove them",
     "git/cache.py:locked": "a lock of its own, only to write",
     "definitions/schema_cache.py": "the user's own cache: nobody else can write there, or it is not used",
     "rendering/compiled.py": "the user's own cache: nobody else can write there, or it is not used",

@@ -256,10 +256,11 @@ _CHILD = "rendering/limited.py"
 _WORKER = "transport/workers/worker.py"
 _SIGNS = "controller/signature.py"
 _GIT = "git/program.py"
-MAY_REACH_OUT = ("transport/", "lab/", *_PROGRAMS, _CHILD, _SIGNS, _GIT)
+_RM = "trees.py"
+MAY_REACH_OUT = ("transport/", "lab/", *_PROGRAMS, _CHILD, _SIGNS, _GIT, _RM)
 """Where sockets and programs belong; of `definitions`, the inventory that is itself a program, and the command that
 prints a secret; the child with limits in which users' playbooks are rendered; ssh-keygen, which signs plan files; git,
-which fetches what a user allowed."""
+which fetches what a user allowed; rm, for folders that are deeper than Python goes."""
 
 MAY_REVEAL = ("transport/", "secret.py")
 """Where the value of a secret is taken out of its wrapping."""
