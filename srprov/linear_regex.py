@@ -32,6 +32,15 @@ class Patterns:
         Raises:
             ValueError: It says why.
         """
+        if self.compiled(pattern).groups < groups:
+            raise ValueError(f"'{pattern[:60]}' has no group; put parentheses around the number")
+
+    def compiled(self, pattern: str) -> Any:  # noqa: ANN401 - as below
+        """Return the compiled pattern, if it is one and not too much with those before.
+
+        Raises:
+            ValueError: It says why.
+        """
         if self._left > 0:
             try:
                 found = compiled(pattern)
@@ -41,8 +50,7 @@ class Patterns:
             self._left -= found.programsize
         if self._left <= 0:
             raise ValueError(f"with '{pattern[:60]}', all patterns together are too large: write them shorter")
-        if found.groups < groups:
-            raise ValueError(f"'{pattern[:60]}' has no group; put parentheses around the number")
+        return found
 
 
 def check_pattern(pattern: str) -> None:

@@ -59,11 +59,13 @@ def written(node: Node | None, folder: str, findings: Findings) -> Written:
         return Written(path=path)
     shown = paths.shown_beside(place.source.file, place.text)
     try:
-        whole = loader.read_text(path, shown, dockerfile.MAX_BYTES, real=True)
+        whole = loader.read_text(path, shown, dockerfile.MAX_BYTES, real=True, times=dockerfile.READINGS)
     except DefinitionError as error:
         findings.extend(error.problems)
         return Written(path=path)
-    findings.extend(dockerfile.check(whole, shown))
+    if wrong := dockerfile.check(whole, shown):
+        findings.extend(wrong)
+        return Written(path=path, context=context)
     args = _args(given.get("args"), dockerfile.declared(whole), findings)
     built = _built(whole, given, findings)
     return Written(path=path, context=context, whole=whole, text=built, args=args, target=text(given.get("target")))

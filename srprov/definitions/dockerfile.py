@@ -36,6 +36,7 @@ _QUOTE = re.compile(r"[\"'\\]")
 _CONTINUED = re.compile(r"(?<!\\)\\\Z")
 _JOINTS = (_CONTINUED, re.compile(r"\\\Z"), re.compile(r"(?<!`)`\Z"), re.compile(r"`\Z"))
 """Where builders join lines: of two escapes at a line's end the second joins, or does not; or at backticks."""
+READINGS = len(_JOINTS)
 _MOST_PROBLEMS = 100
 
 
@@ -173,8 +174,7 @@ def check(text: str, shown: str) -> list[Diagnostic]:
     if first is None:
         hint = "a Dockerfile begins with FROM"
         return [Diagnostic(Location(shown), "holds no instruction", hint=hint, code=Code.DOCKERFILE)]
-    number, word, rest = first
-    excerpt = lines[number - 1]
+    (number, word, rest), excerpt = first, lines[first[0] - 1]
     place = Location(shown, number, len(excerpt) - len(excerpt.lstrip()) + 1)
     if word != "FROM":
         return [Diagnostic(place, f"a Dockerfile begins with FROM, not {word[:40]}", "", excerpt, code=Code.DOCKERFILE)]
@@ -185,11 +185,9 @@ def check(text: str, shown: str) -> list[Diagnostic]:
 
 def _wrong_bases(text: str, shown: str) -> list[Diagnostic]:
     """Return every FROM whose image cannot be one; what holds a variable or quotes is left to the builder."""
-    lines = text.split("\n")
-    begins = [number for number, *_ in instructions(text)]
+    lines, begins = text.split("\n"), [number for number, *_ in instructions(text)]
     ends = dict(zip(begins, [*begins[1:], len(lines) + 1], strict=True))
-    known = {"scratch"}
-    found: list[Diagnostic] = []
+    known, found = {"scratch"}, list[Diagnostic]()
     for number, image, name in stages(text):
         if image.lower() not in known and not _EXPANDED.search(image) and (wrong := images.fault(image)):
             at = next((line for line in range(number, ends[number]) if image in lines[line - 1]), number)
@@ -205,6 +203,8 @@ def unclear(text: str) -> tuple[int, str] | None:
     Docker takes quotes and escapes out of options and arguments, ends lines at line feeds only, and takes other
     characters for blanks than others do.
     """
+    if more := dockerwords.beyond(text.count("\n"), (number for number, *_ in instructions(text))):
+        return more
     last = 0, ""
     for number, line in enumerate(text.removeprefix("\ufeff").replace("\r\n", "\n").split("\n"), 1):
         last = last if line.strip(" \t")[:1] in ("", "#") else (number, line.rstrip(" \t"))

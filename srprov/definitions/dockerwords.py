@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 from collections.abc import Iterable
@@ -12,6 +13,16 @@ _BUILDERS_OWN = "#(nop)"
 """How the command begins by which the classic builder knows the layer of a COPY, an ENV or a LABEL."""
 _CODE = re.compile(r"\\u([0-9A-Fa-f]{4})")
 _NAME = re.compile("[A-Za-z_][A-Za-z0-9_.-]*")
+_MOST_LINES, _MOST_INSTRUCTIONS = 5000, 1000
+"""An image has 127 layers at most. All are gone through in each reading, and some for each name."""
+
+
+def beyond(lines: int, begins: Iterable[int]) -> tuple[int, str] | None:
+    """Return the first line of a Dockerfile that is not read any more, and why; None where it is short enough."""
+    if lines > _MOST_LINES:
+        return _MOST_LINES, f"more follow, and no more than {_MOST_LINES} are read"
+    more = next(itertools.islice(begins, _MOST_INSTRUCTIONS, None), 0)
+    return (more, f"no more than {_MOST_INSTRUCTIONS} instructions are read") if more else None
 
 
 def is_list(words: str) -> bool:

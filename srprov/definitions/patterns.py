@@ -27,6 +27,10 @@ from srprov.names import few
 
 _SUBSCRIPT = re.compile(r"(?P<name>.+)\[(?:(?P<one>-?[0-9]+)|(?P<first>[0-9]*)[:-](?P<last>[0-9]*))\]", re.ASCII)
 
+_MOST_BYTES = 256 << 10
+"""Of a list of robots; the longest inventory has 10,000."""
+_MOST_PATTERNS = 200
+"""Of a list, but for the names of robots and groups: each is held against all of them."""
 FAILED = "@failed"
 Failed = Callable[[], Collection[str]]
 """Gives the robots that `@failed` stands for; raises UsageError when there are none."""
@@ -119,8 +123,8 @@ def _of_file(inventory: Inventory, name: str) -> set[str]:
     """
     refuse_link_out(name, "@", f"'@{name}': ")
     try:
-        content, about = regular_file.read_with_status(name)
-        lines = [line.strip() for line in content.decode().split("\n")]
+        content, about = regular_file.read_with_status(name, _MOST_BYTES)
+        lines = dict.fromkeys(line.strip() for line in content.decode().split("\n"))
     except (OSError, UnicodeDecodeError) as error:
         why = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         hint = f"'@FILE' is a file with one robot per line; '{FAILED}' are those that failed in the last run"
@@ -129,9 +133,15 @@ def _of_file(inventory: Inventory, name: str) -> set[str]:
         hint = f"if you mean it, name its whole path: @{quote(os.path.abspath(name))}"
         raise UsageError(f"'@{name}' has another name (a hard link)", hint=hint, code=Code.STRANGE_FILE)
     found: set[str] = set()
+    checked = linear_regex.Patterns()  # they may be a stranger's
+    left = _MOST_PATTERNS
     for line in lines:
         if line and line[0] not in "#@":
-            found |= _match(inventory, line, compiled=linear_regex.compiled)  # it may be a stranger's
+            left -= line not in inventory.hosts and line not in inventory.groups
+            if left < 0:
+                message = f"'@{name}' has more than {_MOST_PATTERNS} lines that are no names of robots or groups"
+                raise UsageError(message, hint="name the robots themselves", code=Code.TOO_LARGE)
+            found |= _match(inventory, line, compiled=checked.compiled)
         elif line.startswith("@"):
             raise UsageError(f"'@{name}': a list of robots cannot name another: '{line[:100]}'", code=Code.OPTION_VALUE)
     if not found:

@@ -8,7 +8,7 @@ no place for secrets.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from srprov.definitions.dockerfile import OPTIONS, instructions
 from srprov.images import quoting
@@ -59,7 +59,7 @@ def with_digests(text: str, pins: Mapping[str, str]) -> str:
     for start, word, rest in instructions(text) if pins else ():
         if word == "FROM":
             stages.add(own)  # within a stage its own name is still that of an image
-        new = _named(word, rest, {name: digest for name, digest in pins.items() if name.lower() not in stages})
+        new = _named(word, rest, lambda name: name if name.lower() in stages else pins.get(name, name))
         if new != rest:
             end = _end(lines, start)
             lines[start - 1 : end] = [f"{word} {new}", *[""] * (end - start)]
@@ -69,17 +69,17 @@ def with_digests(text: str, pins: Mapping[str, str]) -> str:
     return "\n".join(lines)
 
 
-def _named(word: str, rest: str, pins: Mapping[str, str]) -> str:
+def _named(word: str, rest: str, digest: Callable[[str], str]) -> str:
     """Return what stands behind an instruction's word, with digests of the images that it takes something of."""
     if word == "ONBUILD" and (match := _FIRST.match(rest)):
-        return match[0] + _named(match[0].strip().upper(), rest[match.end() :], pins)
+        return match[0] + _named(match[0].strip().upper(), rest[match.end() :], digest)
     options = OPTIONS.match(rest)
     at = options.end() if options else 0
     if word == "FROM":
-        return rest[:at] + _FIRST.sub(lambda one: pins.get(one[1], one[1]) + one[2], rest[at:], count=1)
+        return rest[:at] + _FIRST.sub(lambda one: digest(one[1]) + one[2], rest[at:], count=1)
     if word not in ("COPY", "ADD", "RUN"):
         return rest
-    return _FROM_OPTION.sub(lambda one: one[1] + pins.get(one[2], one[2]), rest[:at]) + rest[at:]
+    return _FROM_OPTION.sub(lambda one: one[1] + digest(one[2]), rest[:at]) + rest[at:]
 
 
 def _end(lines: list[str], start: int) -> int:

@@ -46,21 +46,23 @@ def read(path: str | FilePath, shown: str = "") -> Node | None:
 
 
 def read_text(
-    path: str | FilePath, shown: str = "", most: int = MAX_BYTES, *, real: bool = False, known_as: str = ""
-) -> str:
+    path: str | FilePath, shown: str = "", most: int = MAX_BYTES, *, real: bool = False, known_as: str = "",
+    times: int = 1,
+) -> str:  # fmt: skip
     """Read a file's text (UTF-8, no byte order mark) of at most `most` bytes; the errors are those of `read`.
 
-    `real` is as for `regular_file.read`; `known_as` is the path by which the content is kept, if that is another.
+    `real` is as for `regular_file.read`; `known_as` is the path by which the content is kept, if that is another;
+    `times` is how often its bytes count among those of all files, by how often it is gone through.
     """
     name = shown or str(path)
     try:
         data = regular_file.read(path, most, real=real)
         if left := current.get():
-            left.bytes -= len(data)
+            left.bytes -= times * len(data)
             left.contents[known_as or str(path)] = data
             if left.bytes < 0:
                 together = f"with it, all files that belong together are larger than {left.most_bytes >> 20} MiB"
-                raise OSError(errno.EFBIG, together)
+                raise OSError(errno.EFBIG, f"{together}, where it counts {times} times" if times > 1 else together)
     except OSError as error:
         reason = _IN_WORDS.get(type(error), error.strerror)
         near = regular_file.names_beside(path) if isinstance(error, FileNotFoundError) else []

@@ -381,6 +381,29 @@ def test_a_dockerfile_is_read_in_time(tmp_path: Path, case: str) -> None:
     problems(tmp_path / "Dockerfile", DOCKERFILES[case])
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("FROM a\n" * 1001, "no more than 1000 instructions"),
+        ("FROM a\n" + "#\n" * 5001, "no more than 5000 are read"),
+        ("FROM a\nRUN " + "x \\\n" * 5001 + "y\n", "no more than 5000 are read"),
+    ],
+)
+def test_a_dockerfile_is_read_or_refused(tmp_path: Path, text: str, said: str) -> None:
+    assert said in problems(tmp_path / "Dockerfile", text)
+    assert problems(tmp_path / "Dockerfile", text[: len(text) // 2].rpartition("\n")[0] + " x\n") == ""
+
+
+def test_many_dockerfiles_count_by_how_often_they_are_gone_through(tmp_path: Path) -> None:
+    for name in "abcdef":
+        (tmp_path / f"{name}.cdf").write_text(f"cdf: 1\nname: {name}\ndockerfile: {name}.dockerfile\n")
+        (tmp_path / f"{name}.dockerfile").write_text("FROM a\n" * 500 + "RUN " + "a " * 60_000 + "\n")
+    services = "".join(f"  {name}: {{cdf: {name}.cdf}}\n" for name in "abcdef")
+    assert "larger than 2 MiB, where it counts 4 times" in problems(
+        tmp_path / "e.edf", f"edf: 1\nname: e\nservices:\n{services}"
+    )
+
+
 LINE = " ".join(f"{number:x}=" for number in range(8000))
 LONG_INVENTORIES = {
     "hosts.yml": f"all: {{hosts: {{? '{'a' * 100_000}[1:10000]' : {{}}}}}}\n",

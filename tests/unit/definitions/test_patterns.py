@@ -10,7 +10,7 @@ import pytest
 from srprov.definitions.model import Host, Inventory
 from srprov.definitions.patterns import select
 from srprov.errors import UsageError
-from tests.bounded import within
+from tests.bounded import bounded, within
 
 NAMES = ["arm1", "robot01", "robot02", "robot03", "robot10", "spare"]
 LAB = Inventory(
@@ -128,6 +128,22 @@ def test_a_list_that_is_no_list_is_an_error(tmp_path: Path, content: bytes | Non
         (tmp_path / "list").write_bytes(content)
     with pytest.raises(UsageError, match=said):
         select(LAB, f"@{tmp_path}/list")
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("~(r.|\\pL{20}xN)\n", "all patterns together are too large"),
+        ("~robot0.|N\n", "more than 200 lines"),
+        ("# N\n", "larger than"),
+    ],
+)
+def test_a_long_list_is_read_or_refused(tmp_path: Path, content: str, said: str) -> None:
+    """Each line was compiled, and held against all robots and groups."""
+    lines = [content.replace("N", str(number)) for number in range(90_000 if "#" in content else 9_000)]
+    (tmp_path / "list").write_text("".join(lines))
+    with pytest.raises(UsageError, match=said):
+        bounded(lambda: select(LAB, f"@{tmp_path}/list"))
 
 
 def test_no_line_of_a_file_elsewhere_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,6 +11,7 @@ from srprov.definitions.dockerfile import until_stage
 from srprov.errors import DefinitionError
 from srprov.images.args import with_args, with_digests
 from srprov.images.tag import plan_image
+from tests.bounded import bounded
 
 TEXT = """\
 ARG DISTRO=humble
@@ -102,3 +103,10 @@ def test_the_marks_stand_at_the_end_of_the_stage_that_is_built() -> None:
 def test_a_name_that_a_lock_has_is_a_digest_wherever_it_stands(text: str, pinned: str) -> None:
     """A comment within an instruction took the digest, and the name that counts stayed a tag."""
     assert with_digests(text, {"debian": "debian@1"}) == pinned
+
+
+def test_digests_are_looked_up_by_name() -> None:
+    """All names of a lock were gone through again for each instruction."""
+    pins = {f"g{number}": f"g{number}@sha256:x" for number in range(1000)}
+    text = "".join(f"FROM {name}\n" for name in pins) + "A\n" * 50_000
+    assert "FROM g999@sha256:x\n" in bounded(lambda: with_digests(text, pins))
