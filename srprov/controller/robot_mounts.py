@@ -18,9 +18,13 @@ MOUNTS = Query(command="cat /proc/self/mountinfo")
 _MOST_LINES = 100_000
 _MOST_LOOKS = 2_000_000
 """At names, for all questions about one robot; a robot has hundreds of mounts, and looks at each about once."""
+_OF_ONE_LOOK = 64
+"""Characters of a name; longer ones count more."""
 _MOST_LAYERS = 501
 """Of an overlay; source: OVL_MAX_STACK, and the upper one."""
 _LONGEST = 4096
+_LONGEST_TOLD = 4 * _LONGEST
+"""Each character may be told by the number of its byte."""
 _MOUNT = re.compile(r"([0-9]+) ([0-9]+) ([0-9]+:[0-9]+) (/\S*) (/\S*) (.*)", re.ASCII)
 """Its number, that of the mount it is on, file system, the place in it, where, and more; source: proc(5)."""
 _LAYERS = re.compile(r"(?:lowerdir\+?|upperdir)=([^,\s]+)")
@@ -38,6 +42,8 @@ class Mounts:
         """Take what the robot says; lines that are none of a mount are passed over."""
         lines = lines_of(said, _MOST_LINES + 1)
         found = [match.groups() for line in lines[:_MOST_LINES] if (match := _MOUNT.fullmatch(line))]
+        too_long = any(len(root) > _LONGEST_TOLD or len(point) > _LONGEST_TOLD for *_, root, point, _ in found)
+        found = [] if too_long else found
         points = [point.rstrip("/") for *_, point, _ in map(_plain, found)]
         numbers = {number for number, *_ in found}
         self._on: dict[tuple[str, str], tuple[str, str, str]] = {}
@@ -59,7 +65,8 @@ class Mounts:
             for some in _LAYERS.findall(more) if " - overlay " in more else ():
                 layers = _plain(one for one in some.split(":") if one.startswith("/"))[:_MOST_LAYERS]
                 self._layers.setdefault(fs, {}).update(dict.fromkeys(one for one in layers if len(one) <= _LONGEST))
-        self._looks = 0 if len(lines) <= _MOST_LINES else _MOST_LOOKS  # what is mounted beyond may be any folder
+        beyond = too_long or len(lines) > _MOST_LINES  # what is mounted there may be any folder
+        self._looks = _MOST_LOOKS if beyond else 0
 
     def places(self, real: str) -> set[str]:
         """Return a path's file system and its place in that, with a slash at its end; of an overlay its layers'."""
@@ -72,7 +79,7 @@ class Mounts:
         number, seen, found, whole = "", set[str](), ("", ""), f"{real}/"
         for slash in re.finditer("/", whole):
             point = whole[: slash.end()]
-            self._count(1)
+            self._count(1, len(point))
             while (one := self._on.get((number, point))) and one[0] not in seen:
                 self._count(1)
                 number, fs, root = one
@@ -102,7 +109,7 @@ class Mounts:
             found.update(point for one in inside for point in self._shown_at[one])
             for slash in re.finditer("/", place):  # the longer ones of what holds it were found above
                 above = place[: slash.end()]
-                self._count(1)
+                self._count(1 + len(self._shown_at.get(above, ())), len(place))
                 if above in self._shown_at:
                     found.update(f"{point}/{place[len(above) :]}" for point in self._shown_at[above])
             self._count(len(inside))
@@ -127,8 +134,8 @@ class Mounts:
         self._count(1 + len(found))
         return found
 
-    def _count(self, looks: int) -> None:
-        self._looks += looks
+    def _count(self, looks: int, length: int = 0) -> None:
+        self._looks += looks * (1 + length // _OF_ONE_LOOK)
         if self._looks > _MOST_LOOKS:
             raise TooManyError("more is mounted there than can be looked through")
 

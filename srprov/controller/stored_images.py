@@ -37,9 +37,8 @@ _MOST = 500
 _MOST_STEPS = 500
 _LATEST = 4_000_000_000
 """No image is of a later second: no date can be made of any number."""
-_CONTAINERS = EngineQuery(path="/containers/json", params=(("all", "true"),))
-_IMAGES = EngineQuery(path="/images/json", params=(("all", "true"),))
-"""Those below others too: they tell whose a step is."""
+_IMAGES, _CONTAINERS = (EngineQuery(path=f"/{one}/json", params=(("all", "true"),)) for one in ("images", "containers"))
+"""Also images below others: they tell whose a step is."""
 
 
 class StoredImage(msgspec.Struct, frozen=True, kw_only=True):
@@ -152,14 +151,14 @@ def _store(reader: Reader, *, whole: bool) -> RobotStore:
 def _ours(listed: Sequence[Mapping[str, Any]]) -> list[StoredImage]:
     """Return what may be srprov's; what has no name is looked at again."""
     by_id = {string(item.get("Id")): item for item in listed}
-    heads = _heads(listed)
+    heads, steps = _heads(listed), _on_bases(by_id)
     found: list[StoredImage] = []
     for key, item in by_id.items():
         every = [string(name) for name in names_of(item)]
         tags = tuple(sorted(name for name in every if CONTENT_TAG.fullmatch(name)))
         labels = string_map(item.get("Labels"))
         is_step = _is_marked(item) and not tags
-        if key not in heads or not has_label(labels) or (every and not tags) or (is_step and not _on_base(item, by_id)):
+        if key not in heads or not has_label(labels) or (every and not tags) or (is_step and key not in steps):
             continue
         if len(found) > _MOST:
             break  # they are too many, which `_store` says
@@ -172,7 +171,7 @@ def _ours(listed: Sequence[Mapping[str, Any]]) -> list[StoredImage]:
             bytes_=integer(item.get("Size")),
             created=integer(item.get("Created"), high=_LATEST),
             definition="" if _is_marked(item) else text(labels.get(DEFINITION)),
-            steps=tuple(_steps(key, by_id)),
+            steps=tuple(_steps(key, by_id, steps)),
         )
         found.append(one)
     return sorted(found, key=lambda one: (not one.tags, one.names))
@@ -184,27 +183,32 @@ def _heads(listed: Iterable[Mapping[str, Any]]) -> set[str]:
     return {key for one in listed if (key := string(one.get("Id"))) not in parents or names_of(one)}
 
 
-def _steps(image: str, by_id: Mapping[str, Mapping[str, Any]]) -> Sequence[str]:
+def _steps(image: str, by_id: Mapping[str, Mapping[str, Any]], steps: Collection[str]) -> Sequence[str]:
     """Return the steps of the build below an image, as far down as they are marked and have no name."""
     row: list[str] = []
     below = string(by_id[image].get("ParentId"))
     while len(row) < _MOST_STEPS and (item := by_id.get(below)) and not names_of(item) and _is_marked(item):
         row.append(below)
         below = string(item.get("ParentId"))
-    return row if row and _on_base(by_id[row[-1]], by_id) else ()
+    return row if row and row[-1] in steps else ()
 
 
-def _on_base(item: Mapping[str, Any], by_id: Mapping[str, Mapping[str, Any]]) -> bool:
-    """Return whether a step is one of a build whose base has not the mark: whoever builds on one that has inherits it.
+def _on_bases(by_id: Mapping[str, Mapping[str, Any]]) -> set[str]:
+    """Return the steps of builds whose base has not the mark: whoever builds on one that has it inherits it.
 
-    Where the engine does not tell what it is based on, it is nobody's.
+    Where the engine does not tell what one is based on, it is nobody's.
     """
-    for _ in range(_MOST_STEPS):
-        base = by_id.get(string(item.get("ParentId")))
-        if base is None or names_of(base) or not _is_marked(base):
-            return base is not None and not _is_marked(base)
-        item = base
-    return False
+    marked = {key for key, item in by_id.items() if _is_marked(item)}
+    unnamed = {key for key in marked if not names_of(by_id[key])}
+    found: dict[str, bool] = {}
+    for key in sorted(marked):
+        row, at = [key], string(by_id[key].get("ParentId"))
+        while at in unnamed and at not in found and len(row) < _MOST_STEPS and at != key:
+            row.append(at)
+            at = string(by_id[at].get("ParentId"))
+        is_on_base = found.get(at, False) if at in unnamed else at in by_id and at not in marked
+        found |= dict.fromkeys(row, is_on_base)
+    return {key for key, is_on_base in found.items() if is_on_base}
 
 
 def _is_marked(item: Mapping[str, Any]) -> bool:

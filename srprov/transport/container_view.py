@@ -198,7 +198,11 @@ def view(one: About, said: str) -> View:
     """
     *found, points = decoded(said).split(b"\0")
     mounted = {named(line) for line in points.splitlines()}
-    if len(found) != 1 + len(one.mounts) or len(mounted) > _MOST_MOUNTED:
+    if (
+        len(found) != 1 + len(one.mounts)
+        or len(mounted) > _MOST_MOUNTED
+        or any(is_too_long(text_of(m)) for m in mounted)
+    ):
         return View((), Folders())
     root = Mount(at="/", source=one.merged, writable=not one.read_only)
     there = one.merged and one.running and found[0][1:] in mounted

@@ -183,3 +183,19 @@ def test_mounts_that_are_not_read_are_not_left_out_in_silence() -> None:
     assert line.endswith("more is mounted there than can be looked through: what else it is is not known")
     with pytest.raises(TooManyError):
         Mounts(many + last).writable_below("/srv")
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        f"21 20 8:2 / {'/a' * 200_000} rw - ext4 /dev/sda2 rw\n",
+        f"21 20 8:2 {'/a' * 200_000} /data rw - ext4 /dev/sda2 rw\n",
+        "".join(f"{number} 20 8:1 / /m/{number} rw - ext4 /dev/sda1 rw\n" for number in range(21, 75_000)),
+    ],
+    ids=["a long place", "a long root", "one file system at many places"],
+)
+def test_long_names_of_mounts_are_told_in_time(lines: str) -> None:
+    """A robot of which a service mounts a path held up the plans of all, and took gigabytes."""
+    path = "/srv" + "/aaaa" * 800
+    (line,) = bounded(lambda: said(ROOT + lines, path, read_only=True), cpu_s=4)
+    assert line.endswith("more is mounted there than can be looked through: what else it is is not known")

@@ -249,6 +249,16 @@ def test_a_robot_with_all_that_it_may_say_costs_little() -> None:
     assert 300 < len(calls) == len(set(calls)) < 7000
 
 
+def test_any_number_of_images_on_one_chain_of_steps_is_read_in_time() -> None:
+    """Each went through the whole chain."""
+    engine = Engine()
+    for number in range(1, 501):
+        engine.add(number, parent=number - 1, labels=PART)
+    for number in range(1000, 6000):
+        engine.add(number, parent=500, labels=PART)
+    assert bounded(lambda: store(engine, whole=False)).images == ()
+
+
 def record(root: Path, name: str, plan: Any, *, cut: bool = False) -> None:
     (root / name).mkdir(parents=True)
     (root / name / "environment.json").write_text("{}")
