@@ -1,8 +1,8 @@
 """What a git repository has of an experiment's files: the commit, and which files differ from it.
 
-Takes a `Planned` and its files' contents; asks git for names of objects only, so that no filter, hook or program that
-the repository's settings name is run. A file is compared by the name that git would give to its content. Git's own
-words are not kept: they repeat lines of whatever file a link of the repository's leads to.
+Takes a `Planned` and its files' contents; asks git for names of objects only, in a repository that has the objects and
+nothing else: the settings of this one are a stranger's, and lead git to other files. A file is compared by the name
+that git would give to its content. Git's own words are not kept: they may repeat what others wrote.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 from srprov.controller.input_files import InputFile
 from srprov.controller.plan import Planned
-from srprov.git import program
+from srprov.git import lent, program
 from srprov.git.head import checkout_of
 
 _LOOK_S = 2.0
@@ -37,12 +37,13 @@ def source_commit(planned: Planned, files: Mapping[str, InputFile]) -> dict[str,
     checkout = checkout_of(experiment.folder)
     if checkout is None:
         return {**about, "commit": None, "problem": "not a git repository, or none whose commit can be told"}
-    top, own, shared, commit = checkout
+    top, objects, commit = checkout
     try:
         look = ["ls-tree", "-r", "-z", "--full-tree", commit]
-        listed = program.run(
-            look, repository=own, shared=shared, most=_MOST_LISTED, seconds=_LOOK_S, memory=program.OF_A_LOOK
-        )
+        with lent.repository(commit) as folder:
+            listed = program.run(
+                look, repository=folder, objects=objects, most=_MOST_LISTED, seconds=_LOOK_S, memory=program.OF_A_LOOK
+            )
     except (program.GitError, OSError):
         return {**about, "commit": None, "problem": "git cannot list the files of its commit"}
     there = _objects(listed)

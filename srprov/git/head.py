@@ -39,10 +39,8 @@ class Checkout(NamedTuple):
     """A checkout whose repository holds nothing but its own."""
 
     top: str
-    own: str
-    """The folder of its HEAD: `.git`, or what that names."""
-    shared: str
-    """The folder of its objects and references; of a worktree, that of the repository that it belongs to."""
+    objects: str
+    """Their folder; of a worktree, that of the repository that it belongs to."""
     commit: str
 
 
@@ -64,7 +62,7 @@ def checkout_of(folder: str) -> Checkout | None:
     found = _line(own / "HEAD")
     for _ in range(_MOST_STEPS):
         if is_commit(found):
-            return Checkout(str(top), str(own), str(shared), found)
+            return Checkout(str(top), str(shared / "objects"), found)
         word, _, name = found.partition(" ")
         if word != "ref:" or not _REFERENCE.fullmatch(name.strip()):
             return None

@@ -57,7 +57,7 @@ def run(
     arguments: Sequence[str],
     *,
     repository: str | os.PathLike[str] = _NOWHERE,
-    shared: str | os.PathLike[str] = "",
+    objects: str | os.PathLike[str] = "",
     transport: str = "",
     most: int,
     seconds: float,
@@ -69,7 +69,7 @@ def run(
     Args:
         arguments: Its command and what belongs to it.
         repository: The folder that it works in; without it, in none. It never looks for one.
-        shared: The folder of the objects and references, whatever that folder says of them.
+        objects: The folder of the objects; without it, that of the repository.
         transport: The one way by which it may reach a repository: `https`, `ssh` or `file`; empty: none.
         most: Bytes that it may print.
         seconds: After which it is ended.
@@ -85,7 +85,7 @@ def run(
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         cwd="/",
-        env={**_environment(os.environ, transport), **_places(repository, shared)},
+        env={**_environment(os.environ, transport), **_places(repository, objects)},
         start_new_session=True,
     )
     code, printed, said = _ended(process, most, seconds)
@@ -113,9 +113,9 @@ def _limited(memory: int) -> list[str]:
     return ["/bin/sh", "-c", _LIMITED, "sh", *limits, *settings]
 
 
-def _places(repository: str | os.PathLike[str], shared: str | os.PathLike[str]) -> dict[str, str]:
+def _places(repository: str | os.PathLike[str], objects: str | os.PathLike[str]) -> dict[str, str]:
     given = {"GIT_DIR": os.fspath(repository)}
-    return {**given, "GIT_COMMON_DIR": os.fspath(shared)} if shared else given
+    return {**given, "GIT_OBJECT_DIRECTORY": os.fspath(objects)} if objects else given
 
 
 def _environment(own: Mapping[str, str], transport: str) -> dict[str, str]:

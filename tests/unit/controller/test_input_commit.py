@@ -23,12 +23,12 @@ def planned(folder: Path) -> Any:
     return SimpleNamespace(definitions=SimpleNamespace(experiment=experiment))
 
 
-def committed(folder: Path) -> str:
+def committed(folder: Path, *init: str) -> str:
     """Make a repository with one file, and return its commit."""
     folder.mkdir()
     (folder / "x.edf").write_text("edf: 1\n")
     git = ["git", "-C", str(folder), "-c", "user.name=a", "-c", "user.email=a@b"]
-    for words in (["init", "-q"], ["add", "."], ["commit", "-qm", "one"]):
+    for words in (["init", "-q", *init], ["add", "."], ["commit", "-qm", "one"]):
         subprocess.run([*git, *words], check=True)
     return subprocess.run([*git, "rev-parse", "HEAD"], check=True, capture_output=True, text=True).stdout.strip()
 
@@ -168,9 +168,9 @@ def test_a_worktree_and_a_submodule_have_their_own_commit(tmp_path: Path) -> Non
 
 def test_a_repository_that_waits_for_a_pipe_is_given_up_soon(tmp_path: Path) -> None:
     committed(tmp_path / "r")
-    os.mkfifo(tmp_path / "pipe")
-    with (tmp_path / "r" / ".git" / "config").open("a") as stream:
-        stream.write(f"[include]\n\tpath = {tmp_path}/pipe\n")
+    packs = tmp_path / "r/.git/objects/pack"
+    (packs / f"pack-{'a' * 40}.pack").write_bytes(b"PACK")
+    os.mkfifo(packs / f"pack-{'a' * 40}.idx")
     begun = time.monotonic()
     found = source_commit(planned(tmp_path / "r"), {})
     assert found is not None and found["commit"] is None and found["problem"]

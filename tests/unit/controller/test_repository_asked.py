@@ -97,6 +97,28 @@ def test_a_repository_of_another_user_s_has_no_commit(tmp_path: Path, theirs: st
     assert found is not None and found["commit"] is None
 
 
+@pytest.mark.parametrize("matches", ["S", "X"])
+def test_no_settings_of_a_strangers_lead_git_to_other_files(tmp_path: Path, matches: str) -> None:
+    """By `include` and a condition, one bit of each record told whether a file of the user's holds a word."""
+    commit = committed(tmp_path / "nav")
+    secret, bad, pipe = (tmp_path / name for name in ("secret", "bad", "pipe"))
+    secret.write_text('[remote "origin"]\n\turl = https://ci:Secret@git.example/x\n')
+    bad.write_text("[core]\n\tcompression = 999\n")
+    os.mkfifo(pipe)
+    config = tmp_path / "nav/.git/config"
+    condition = f'"hasconfig:remote.*.url:https://ci:{matches}*/**"'
+    included = f"[include]\n\tpath = {secret}\n[includeIf {condition}]\n\tpath = {bad}\n[include]\n\tpath = {pipe}\n"
+    config.write_text(config.read_text() + included)
+    found = source_commit(planned(tmp_path / "nav"), {"x.edf": InputFile(content=b"edf: 1\n")})
+    assert found is not None and found["commit"] == commit
+
+
+def test_names_of_objects_may_be_of_the_longer_kind(tmp_path: Path) -> None:
+    commit = committed(tmp_path / "nav", "--object-format=sha256")
+    found = source_commit(planned(tmp_path / "nav"), {"x.edf": InputFile(content=b"edf: 1\n")})
+    assert found is not None and found["commit"] == commit and len(commit) == 64
+
+
 @pytest.mark.parametrize("bare", [False, True])
 def test_git_never_looks_for_a_repository(tmp_path: Path, bare: bool) -> None:
     subprocess.run(["git", "init", "-q", *(["--bare"] if bare else []), str(tmp_path / "r")], check=True)
