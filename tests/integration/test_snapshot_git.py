@@ -56,7 +56,7 @@ def test_no_program_of_a_repository_runs(name: str, tmp_path: Path) -> None:
     found, notes = ask(place)
     assert not mark.exists()
     assert state(place) == before
-    if name in ("required", "promisor", "split-index"):
+    if name in ("required", "promisor", "split-index", "include"):
         assert found is None or found.patch == b"", "git cannot tell, and nobody guesses"
         assert notes
     else:
@@ -139,6 +139,14 @@ def test_a_repository_of_roots_whose_files_take_too_long_to_look_at_is_not_read(
     with mock.patch.object(gitscript, "_OTHERS", "-exec sleep 9 ';'"), mock.patch.object(gitscript, "_LONG_S", 1):
         found, (note,) = ask(tmp_path / "code", root=True)
     assert found is None and "too many files to know whether others have some of them" in note
+
+
+@pytest.mark.parametrize("where", ["config", "config.worktree"])
+@pytest.mark.parametrize("root", [True, False])
+def test_no_repository_s_settings_include_other_files(tmp_path: Path, where: str, *, root: bool) -> None:
+    """What git says then tells of a file that only the user who reads may read."""
+    make(tmp_path, f"git config extensions.worktreeConfig true; printf '[core] [InClude]\\npath = /x\\n' >>.git/{where}")
+    assert ask(tmp_path / "code", root=root and ROOT) == (None, ["has settings that include other files: it is not read"])
 
 
 def test_what_cannot_be_read_is_named(tmp_path: Path) -> None:

@@ -62,10 +62,8 @@ def by_text(entry: Value, path: Path) -> str:
 
 def by_path(entry: Value, path: Path) -> str:
     """Return the path of a file of variables."""
-    if isinstance(entry.data, str):
-        return entry.data
-    name = entry.get("path")
-    if name is None or not isinstance(name.data, str):
+    name = entry if isinstance(entry.data, str) else entry.get("path")
+    if name is None or not isinstance(name.data, str) or not name.data:
         raise refuse(entry, "the file of variables has no path", path)
     return name.data
 

@@ -155,6 +155,8 @@ def test_a_map_that_is_wrong_is_told(here: Path, capsys: pytest.CaptureFixture[s
         ("services:\n  a:\n    image: x:${TAG}\n", "c.yaml:3:12: error[SRP-171]: "),
         ("services:\n  a:\n    image: x\n    nonsense: 1\n", "c.yaml:4:5: error[SRP-170]: "),
         ("services:\n  a:\n    image: X y\n", "c.yaml:3:5: error[SRP-1"),
+        ("services:\n  a:\n    image: x\n    env_file: ''\n", "c.yaml:4:15: error[SRP-170]: the file of variables has"),
+        ("services:\n  a:\n    image: x\n    env_file: [{path: ''}]\n", "the file of variables has no path"),
         ("services:\n  a:\n    image: x\n    volumes: ['/etc/../etc/shadow:/s', './l:/l']\n", "c.yaml:4:40: "),
     ],
 )
