@@ -110,7 +110,8 @@ def _script(found: Found, *, root: bool) -> str:
     lines = [
         f"[ -d {place} ] && [ ! -L {place} ] && [ ! -L {folder} ] || {{ echo 'odd kind'; exit 0; }}",
         # a pipe in their place would keep git waiting
-        f"for f in HEAD config config.worktree index; do [ ! -e {place}/$f ] || [ -f {place}/$f ] || {{ echo 'odd pipe'; exit 0; }}",
+        "for f in HEAD config config.worktree index; do",
+        f"[ ! -e {place}/$f ] || [ -f {place}/$f ] || {{ echo 'odd pipe'; exit 0; }}",
         "done",
         # what git says with them, or that it fails, tells of whatever file they lead to
         f"! grep -qis '\\[include' {place}/config {place}/config.worktree || {{ echo 'odd include'; exit 0; }}",

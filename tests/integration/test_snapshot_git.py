@@ -145,8 +145,10 @@ def test_a_repository_of_roots_whose_files_take_too_long_to_look_at_is_not_read(
 @pytest.mark.parametrize("root", [True, False])
 def test_no_repository_s_settings_include_other_files(tmp_path: Path, where: str, *, root: bool) -> None:
     """What git says then tells of a file that only the user who reads may read."""
-    make(tmp_path, f"git config extensions.worktreeConfig true; printf '[core] [InClude]\\npath = /x\\n' >>.git/{where}")
-    assert ask(tmp_path / "code", root=root and ROOT) == (None, ["has settings that include other files: it is not read"])
+    include = f"printf '[core] [InClude]\\npath = /x\\n' >>.git/{where}"
+    make(tmp_path, f"git config extensions.worktreeConfig true; {include}")
+    found, notes = ask(tmp_path / "code", root=root and ROOT)
+    assert (found, notes) == (None, ["has settings that include other files: it is not read"])
 
 
 def test_what_cannot_be_read_is_named(tmp_path: Path) -> None:
