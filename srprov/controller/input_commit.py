@@ -40,10 +40,8 @@ def source_commit(planned: Planned, files: Mapping[str, InputFile]) -> dict[str,
     top, objects, commit = checkout
     try:
         look = ["ls-tree", "-r", "-z", "--full-tree", commit]
-        with lent.repository(commit) as folder:
-            listed = program.run(
-                look, repository=folder, objects=objects, most=_MOST_LISTED, seconds=_LOOK_S, memory=program.OF_A_LOOK
-            )
+        with lent.repository(commit, objects) as folder:
+            listed = program.run(look, repository=folder, most=_MOST_LISTED, seconds=_LOOK_S, memory=program.OF_A_LOOK)
     except (program.GitError, OSError):
         return {**about, "commit": None, "problem": "git cannot list the files of its commit"}
     there = _objects(listed)

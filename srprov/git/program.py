@@ -29,6 +29,7 @@ _MOST_SAID = 300
 """Characters of git's own words that an error repeats."""
 _SETTINGS = (
     "safe.bareRepository=explicit",
+    *("core.multiPackIndex=false", "core.commitGraph=false"),  # they name other files
     *("protocol.version=2", "core.hooksPath=/dev/null", "core.fsmonitor=false", "credential.helper="),
     *("http.followRedirects=false", "http.lowSpeedLimit=1000", "http.lowSpeedTime=30"),
     *("submodule.recurse=false", "fetch.recurseSubmodules=false", "gc.auto=0", "maintenance.auto=false"),
@@ -57,7 +58,6 @@ def run(
     arguments: Sequence[str],
     *,
     repository: str | os.PathLike[str] = _NOWHERE,
-    objects: str | os.PathLike[str] = "",
     transport: str = "",
     most: int,
     seconds: float,
@@ -69,7 +69,6 @@ def run(
     Args:
         arguments: Its command and what belongs to it.
         repository: The folder that it works in; without it, in none. It never looks for one.
-        objects: The folder of the objects; without it, that of the repository.
         transport: The one way by which it may reach a repository: `https`, `ssh` or `file`; empty: none.
         most: Bytes that it may print.
         seconds: After which it is ended.
@@ -85,7 +84,7 @@ def run(
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         cwd="/",
-        env={**_environment(os.environ, transport), **_places(repository, objects)},
+        env={**_environment(os.environ, transport), "GIT_DIR": os.fspath(repository)},
         start_new_session=True,
     )
     code, printed, said = _ended(process, most, seconds)
@@ -111,11 +110,6 @@ def _limited(memory: int) -> list[str]:
     limits = [str(MOST_FETCHED // 512), str(memory >> 10), str(_MOST_PROCESSOR_S)]
     settings = (word for one in (*_SETTINGS, *held) for word in ("-c", one))
     return ["/bin/sh", "-c", _LIMITED, "sh", *limits, *settings]
-
-
-def _places(repository: str | os.PathLike[str], objects: str | os.PathLike[str]) -> dict[str, str]:
-    given = {"GIT_DIR": os.fspath(repository)}
-    return {**given, "GIT_OBJECT_DIRECTORY": os.fspath(objects)} if objects else given
 
 
 def _environment(own: Mapping[str, str], transport: str) -> dict[str, str]:

@@ -39,6 +39,7 @@ _ENVIRONMENT = (
     "GIT_NO_LAZY_FETCH=1", "GIT_ALLOW_PROTOCOL=none", "GIT_TERMINAL_PROMPT=0",
 )  # fmt: skip
 _SETTINGS = (
+    "core.multiPackIndex=false", "core.commitGraph=false",
     "core.fsmonitor=false", "core.untrackedCache=false", "core.preloadIndex=false", "index.threads=1",
     "pack.threads=1", "core.hooksPath=/dev/null", "core.attributesFile=/dev/null", "core.excludesFile=/dev/null",
     "core.bigFileThreshold=4m", "core.quotePath=true", "core.sshCommand=false", "credential.helper=",
@@ -117,6 +118,7 @@ def _script(found: Found, *, root: bool) -> str:
         f"! grep -qis '\\[include' {place}/config {place}/config.worktree || {{ echo 'odd include'; exit 0; }}",
         # git sets the time of a shared index whenever it reads it
         f"for f in {place}/sharedindex.*; do [ ! -e \"$f\" ] || {{ echo 'odd split'; exit 0; }}; done",
+        f"[ ! -e {place}/reftable ] || {{ echo 'odd commit'; exit 0; }}",
         f"[ ! -e {place}/commondir ] || {{ echo 'odd commondir'; exit 0; }}",
         f"[ ! -s {place}/objects/info/alternates ] || {{ echo 'odd alternates'; exit 0; }}",
         f"[ ! -e {folder}/.gitmodules ] || echo 'odd submodules'",

@@ -196,7 +196,7 @@ def test_a_robot_full_of_traps_runs_none_of_them_and_is_left_as_it_was(trapped: 
 
     robot = done.json["robots"][ROBOT]
     patched = {one["folder"].removeprefix(f"{PLACE}/") for one in robot["repositories"] if one["patch"]}
-    assert patched >= TRAPS.keys() - {"required", "promisor", "split-index"} | {
+    assert patched >= TRAPS.keys() - {"required", "promisor", "split-index", "include"} | {
         "plain",
         "login",
         "it's",
@@ -209,6 +209,7 @@ def test_a_robot_full_of_traps_runs_none_of_them_and_is_left_as_it_was(trapped: 
     for name, words in {
         "new\\nline": "has a path that no definition can name", "linked": "is a link", "ext": "is of a kind",
         "pipe": "has no files where git has them", "borrowed": "borrows objects",
+        "include": "has settings that include other files",
     }.items():  # fmt: skip
         assert any(place.strip("'\"").endswith(name) and words in said[place] for place in said), (name, said)
     assert "belongs to root and has files of other users" in said["/root/traps"]

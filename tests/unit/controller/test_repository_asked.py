@@ -13,7 +13,7 @@ import pytest
 
 from srprov.controller.input_commit import source_commit
 from srprov.controller.input_files import InputFile
-from srprov.git import program
+from srprov.git import lent, program
 from tests.unit.controller.test_input_commit import committed, planned
 
 NOBODY = 65534
@@ -111,6 +111,23 @@ def test_no_settings_of_a_strangers_lead_git_to_other_files(tmp_path: Path, matc
     config.write_text(config.read_text() + included)
     found = source_commit(planned(tmp_path / "nav"), {"x.edf": InputFile(content=b"edf: 1\n")})
     assert found is not None and found["commit"] == commit
+
+
+def test_git_gets_loose_objects_and_packs_and_no_list_that_names_other_files(tmp_path: Path) -> None:
+    """A `multi-pack-index` names packs of other repositories by `..`, and a chain of graphs any file."""
+    commit = committed(tmp_path / "nav")
+    objects = tmp_path / "nav/.git/objects"
+    git = ["git", "-C", str(tmp_path / "nav")]
+    for words in ("repack -adq", "commit-graph write --reachable --split", "multi-pack-index write"):
+        subprocess.run([*git, *words.split()], check=True, capture_output=True)
+    assert (objects / "pack/multi-pack-index").exists() and (objects / "info/commit-graphs").exists()
+    with lent.repository(commit, str(objects)) as folder:
+        found = sorted(str(one.relative_to(folder)) for one in Path(folder, "objects").rglob("*"))
+    (idx, pack) = (f"objects/pack/{one.name}" for one in sorted((objects / "pack").glob("pack-*.[ip][da]*")))
+    assert found == ["objects/pack", idx, pack]
+    (objects / "pack/multi-pack-index").write_bytes(b"MIDX" + b"\xff" * 100)
+    told = source_commit(planned(tmp_path / "nav"), {"x.edf": InputFile(content=b"edf: 1\n")})
+    assert told is not None and told["commit"] == commit
 
 
 def test_names_of_objects_may_be_of_the_longer_kind(tmp_path: Path) -> None:
