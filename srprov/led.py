@@ -1,11 +1,27 @@
-"""Where the robot's paths led that a container mounts, when it was made: a label of the container says so. Pure."""
+"""Where a container has its mounts, by its engine's word, and where the robot's paths led when it was made.
+
+The latter a label of the container says. Pure.
+"""
 
 from __future__ import annotations
+
+import posixpath
+from collections.abc import Mapping
 
 from srprov.untrusted import absolute, json_or_none, mapping, mappings, string, string_map
 
 LED = "srprov.led"
 """Label of a container: where the robot's paths led that it mounts, as JSON."""
+
+
+def mounted_at(mount: Mapping[str, object]) -> str:
+    """Return the one path of a mount in its container, by the engine's word, or nothing.
+
+    What an image names without a slash, with two of them or with `..` is below the root all the same.
+    """
+    said = string(mount.get("Destination"))
+    place = f"/{posixpath.normpath(f'/{said}').lstrip('/')}" if said else ""
+    return absolute(place)
 
 
 def led_of(inspected: object) -> dict[str, str]:

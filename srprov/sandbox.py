@@ -3,7 +3,8 @@
 Root reads files there by their names, and a container may put a link or a device in the way of any name meanwhile; or
 unpacks an archive of another robot, whose names and links may lead anywhere. In a mount namespace of its own, with a
 root that holds only the robot's programs, read-only, and that folder without devices, a link leads nowhere else, a
-device cannot be opened, and no hard link reaches what lies beyond. Who is not root has nothing to lose there.
+device cannot be opened, and no hard link reaches what lies beyond. Who is not root has nothing to lose there, unless
+what is read may be told to others: then it happens in a user namespace, too.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ for name in $5; do
   [ ! -d "/tmp/$name" ] || mount -t tmpfs -o ro,mode=755,size=4k srprov "/tmp/$name" || exit {NO_SANDBOX}
 done
 mount -c --bind . /tmp/folder && mount -o "remount,bind,$3,nodev,nosuid,noexec" /tmp/folder || exit {NO_SANDBOX}
-mount -o remount,ro,nosuid,nodev,noexec /tmp || exit {NO_SANDBOX}
+mount -o remount,bind,ro,nosuid,nodev,noexec /tmp || exit {NO_SANDBOX}
 exec chroot /tmp sh -c "cd /folder; $2"
 """
 _ESCAPED = r"sed 's/\\/\\134/g; s/ /\\040/g; s/\t/\\011/g'"
@@ -79,17 +80,18 @@ def named(mounted: bytes) -> bytes:
     return _OCTAL.sub(lambda one: bytes([int(one[1], 8)]), mounted)
 
 
-def sandboxed(root: str, script: str, real: str = "", *, way: str = "ro", hidden: str = "") -> str:
+def sandboxed(root: str, script: str, real: str = "", *, way: str = "ro", hidden: str = "", user: bool = False) -> str:
     """Return a script that runs another one in a folder of the robot, which is its working folder at the start.
 
     The inner one ends with `exit` or its last status, reads only, unless the way is `rw`, and sees the folder under
     another name, without what is mounted in it, which its `$mounted` names (`MOUNTED`). Nothing is read where the
     folder's path leads elsewhere than to `real`, if that is known; `hidden` names folders of the robot's programs that
-    are empty in there.
+    are empty in there; `user` says that the shell is not root's, and is closed off all the same.
     """
     same = f'[ "$root" = {quote(real)} ] || exit {ELSEWHERE}; ' if real else ""
     return (
-        f"root=$(realpath -e -- {quote(root)} 2>/dev/null) || exit {MISSING}; {same}{_closed(script, way, '', hidden)}"
+        f"root=$(realpath -e -- {quote(root)} 2>/dev/null) || exit {MISSING}; {same}"
+        f"{_closed(script, way, '', hidden, user=user)}"
     )
 
 
@@ -129,13 +131,13 @@ def sandboxed_reading(script: str) -> str:
     return _ROOT + _closed(script, "ro", _NAMES)
 
 
-def _closed(script: str, way: str, known: str, hidden: str = "") -> str:
-    inside = quote(script)
+def _closed(script: str, way: str, known: str, hidden: str = "", *, user: bool = False) -> str:
+    inside, unshare = quote(script), "unshare -r -m" if user else "unshare -m"
+    open_to = f'if [ "$(id -u)" != 0 ]; then cd -- "$root" || exit {MISSING}; exec sh -c {inside}; fi; '
     return (
-        f"{MOUNTED}export mounted; "
-        f'if [ "$(id -u)" != 0 ]; then cd -- "$root" || exit {MISSING}; exec sh -c {inside}; fi; '
-        f"unshare -m true || exit {NO_SANDBOX}; "
-        f'exec unshare -m sh -c {quote(_ENTER)} sh "$root" {inside} {way} {quote(known)} {quote(hidden)}'
+        f"{MOUNTED}export mounted; {'' if user else open_to}"
+        f"{unshare} true || exit {NO_SANDBOX}; "
+        f'exec {unshare} sh -c {quote(_ENTER)} sh "$root" {inside} {way} {quote(known)} {quote(hidden)}'
     )
 
 

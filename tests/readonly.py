@@ -364,7 +364,7 @@ READS: dict[str, Callable[[Sequence[str]], bool]] = {
     "chronyc": lambda words: list(words) == ["-c", "-n", "tracking"],
     "base64": lambda words: list(words) in ([], ["-w", "0"]),
     "realpath": lambda words: list(words[:2]) == ["-e", "--"],
-    "unshare": lambda words: list(words) == ["-m", "true"],
+    "unshare": lambda words: [word for word in words if word != "-r"] == ["-m", "true"],
     "dpkg-query": lambda words: list(words[:2]) == ["-W", "-f"] and len(words) == 3,
     "apt-cache": _apt_cache,
     "setpriv": _setpriv,
@@ -401,8 +401,9 @@ def _violations(words: Sequence[Word]) -> list[str]:
         return _violations(words[1:]) if words[1:] else []
     if name.text == "timeout":
         return _violations(words[2:]) if len(words) > 2 and rest[0].isdigit() else [shown]
-    if name.text == "unshare" and rest[:5] == ["-m", "sh", "-c", _ENTER, "sh"] and rest[7:8] == ["ro"]:
-        return shell_violations(rest[6])  # in a mount namespace of its own, where nothing can be written
+    entered = rest[rest[:1] == ["-r"] :]
+    if name.text == "unshare" and entered[:5] == ["-m", "sh", "-c", _ENTER, "sh"] and entered[7:8] == ["ro"]:
+        return shell_violations(entered[6])  # in a mount namespace of its own, where nothing can be written
     if name.text == "xargs" and [*rest[:3], *rest[4:]] == ["-0", "sh", "-c", "sh"] and words[4].literal:
         return shell_violations(rest[3])  # what it is given becomes words of that
     if name.text == "eval":

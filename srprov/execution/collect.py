@@ -17,11 +17,11 @@ from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.execution.listing import Entry, Listing, ListingError
 from srprov.execution.result_scripts import TAR, UNNAMEABLE, WHY, lists
-from srprov.led import led_of
+from srprov.led import led_of, mounted_at
 from srprov.pace import TOO_LITTLE, Pace
 from srprov.sandbox import MISSING, ended_with_channel, ending, inside
 from srprov.session import Session, Streams
-from srprov.untrusted import absolute, mapping, mappings, string
+from srprov.untrusted import absolute, mapping, mappings
 
 _T = TypeVar("_T")
 _HASHED_PER_S = 2 << 20
@@ -68,7 +68,7 @@ def place_of(inspected: object, path: str) -> Place | None:
     """Return where a container's path lies on its robot, by its engine's word; None: in no mount; or CollectFailed."""
     best: tuple[int, Mapping[str, Any], str] | None = None
     for mount in _mounts(inspected):
-        target = string(mount.get("Destination")).rstrip("/")
+        target = mounted_at(mount).rstrip("/")
         inside = target and (path == target or path.startswith(f"{target}/"))
         if inside and absolute(mount.get("Source")) and (best is None or best[0] < len(target)):
             best = (len(target), mount, path[len(target) :].strip("/") or ".")
@@ -83,7 +83,7 @@ def places_below(inspected: object, path: str) -> list[tuple[str, Place]]:
     found: dict[str, Place] = {}
     led = led_of(inspected)
     for mount in _mounts(inspected):
-        target, source = string(mount.get("Destination")), absolute(mount.get("Source"))
+        target, source = mounted_at(mount), absolute(mount.get("Source"))
         if target.startswith(f"{path.rstrip('/')}/") and source and mount.get("RW") is not False:
             found[target[len(path.rstrip("/")) :].strip("/")] = _placed(mount, ".", led)
     return sorted(found.items())

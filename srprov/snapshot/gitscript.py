@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import msgspec
 
-from srprov.sandbox import INSIDE, sandboxed
+from srprov.sandbox import INSIDE, NO_SANDBOX, sandboxed
 from srprov.wire import quote, sh
 
 NOBODY = 65534
@@ -77,8 +77,8 @@ class Found(msgspec.Struct, frozen=True):
 
 def confined(found: Found, seconds: int, *, root: bool) -> tuple[str, ...]:
     """Return the words before a program that shall start no other one, write nothing and read what the owner may."""
-    if not root:
-        who: tuple[str, ...] = ()
+    if not root:  # but in a user namespace, where it is called so
+        who: tuple[str, ...] = ("--inh-caps=-all", "--bounding-set=-all")
     elif found.uid == 0:
         only = "-all,+dac_read_search"
         # access(2) asks without capabilities else, and git believes it
@@ -94,16 +94,15 @@ def confined(found: Found, seconds: int, *, root: bool) -> tuple[str, ...]:
 def script(found: Found, *, root: bool) -> str:
     """Return what is asked of a repository; `root` says that the shell is root's.
 
-    Then it sees nothing but the repository's folder: a link among git's files leads to no other one of the robot's.
+    It sees nothing but the repository's folder: neither a link among git's files nor a name in one of them leads to
+    another file of the robot's, whoever asks.
 
     Raises:
         ValueError: Its path holds a NUL byte.
     """
-    if root:
-        return sandboxed(
-            found.folder, _script(Found(folder=INSIDE, uid=found.uid), root=True), found.folder, hidden=_HIDDEN
-        )
-    return _script(found, root=False)
+    asked = _script(Found(folder=INSIDE, uid=found.uid), root=root)
+    closed = sandboxed(found.folder, asked, found.folder, hidden=_HIDDEN, user=not root)
+    return f"( {closed} ); [ $? != {NO_SANDBOX} ] || echo 'odd open'"
 
 
 def _script(found: Found, *, root: bool) -> str:

@@ -40,6 +40,8 @@ _ODD = {
     "alternates": "borrows objects from another folder: it is not read",
     "links": "has links among git's files: it is not read",
     "mixed": "belongs to root and has files of other users, for whom root would read: it is not read",
+    "open": "cannot be closed off from the robot's other files: it is not read. Root can do that, and others where "
+    "unshare may make user namespaces, unless something else is mounted in it",
     "include": "has settings that include other files: it is not read",
     "many": "belongs to root and has too many files to know whether others have some of them: it is not read",
     "pipe": "has no files where git has them: it is not read",

@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 import msgspec
 
-from srprov.led import led_of
+from srprov.led import led_of, mounted_at
 from srprov.sandbox import named
 from srprov.transport.container_look import decoded, text_of
 from srprov.transport.path_index import Folders
@@ -140,13 +140,13 @@ def about(inspected: object) -> About:
     graph, paths = mapping(found.get("GraphDriver")), {at: absolute(found.get(key)) for at, key in _OWN_FILES.items()}
     mounts = [
         Mount(
-            at=posixpath.normpath(at),
+            at=at,
             source=source,
             volume=string(one.get("Name")) if one.get("Type") == "volume" else "",
             writable=one.get("RW") is not False,
         )
         for one in every[:_MOST_MOUNTS]
-        if (at := _place(string(one.get("Destination")))) and (source := absolute(one.get("Source")))
+        if (at := mounted_at(one)) and (source := absolute(one.get("Source")))
     ]
     taken = {one.at for one in mounts}
     mounts += [Mount(at=at, source=source) for at, source in paths.items() if source and at not in taken]
@@ -165,11 +165,6 @@ def about(inspected: object) -> About:
 def _are_long(mounts: Iterable[Mapping[str, object]]) -> bool:
     paths = [string(one.get(key)) for one in mounts for key in ("Source", "Destination")]
     return sum(map(len, paths)) > _LONGEST_MOUNTS or any(map(is_too_long, paths))
-
-
-def _place(destination: str) -> str:
-    """Return where something is mounted: what an image names without a slash is below the root all the same."""
-    return absolute(posixpath.join("/", destination)) if destination else ""
 
 
 def has_paths(one: About) -> bool:

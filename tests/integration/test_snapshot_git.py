@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import os
 import subprocess
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from unittest import mock
 
 import pytest
 
+from srprov import sandbox
 from srprov.sandbox import sandboxed
 from srprov.snapshot import gitscript
-from srprov.snapshot.gitscript import _HIDDEN, Found, script
+from srprov.snapshot.gitscript import _HIDDEN, Found, confined, script
 from srprov.snapshot.notes import Notes
 from srprov.snapshot.repositories import Repository, parse_repository
+from srprov.wire import sh
 from tests.traps import BAIT, START, TRAPS
 
 ROOT = os.geteuid() == 0
@@ -33,10 +37,12 @@ def make(folder: Path, trap: str) -> Path:
 
 
 def ask(folder: Path, *, root: bool = ROOT) -> tuple[Repository | None, list[str]]:
-    """Ask as a robot's shell is asked; return the repository and the notes."""
+    """Ask as a robot's shell is asked, of root's or of the owner's; return the repository and the notes."""
     about = folder.stat()
     found = Found(folder=str(folder), uid=about.st_uid)
-    ran = subprocess.run(["sh", "-c", script(found, root=root)], capture_output=True, text=True, check=False, cwd="/")
+    login = ["setpriv", f"--reuid={about.st_uid}", f"--regid={about.st_gid}", "--clear-groups"]
+    words = [*(login if ROOT and not root else []), "sh", "-c", script(found, root=root)]
+    ran = subprocess.run(words, capture_output=True, text=True, check=False, cwd="/")
     notes = Notes()
     return parse_repository(found, ran.stdout, notes), [note.words for note in notes.all()]
 
@@ -47,13 +53,30 @@ def state(folder: Path) -> dict[str, tuple[int, int, int]]:
     return {str(one): (one.lstat().st_size, one.lstat().st_mtime_ns, one.lstat().st_ino) for one in every}
 
 
+@pytest.fixture
+def home() -> Iterator[Path]:
+    """Give a folder where a user who is not root may go."""
+    with tempfile.TemporaryDirectory(dir="/tmp") as folder:
+        yield Path(folder)
+
+
+def given_to(folder: Path, uid: int = 1000) -> None:
+    """Give a folder to a user, whom only root makes another one."""
+    folder.parent.chmod(0o777)
+    if ROOT:
+        subprocess.run(["chown", "-R", f"{uid}:{uid}", str(folder)], check=True)
+
+
+@pytest.mark.parametrize("root", [True, False])
 @pytest.mark.parametrize("name", sorted(TRAPS))
-def test_no_program_of_a_repository_runs(name: str, tmp_path: Path) -> None:
+def test_no_program_of_a_repository_runs(name: str, home: Path, *, root: bool) -> None:
     """And what was changed is told all the same, or that it cannot be told."""
-    mark = make(tmp_path, TRAPS[name])
-    place = tmp_path / "code"
+    mark = make(home, TRAPS[name])
+    place = home / "code"
+    if not root:
+        given_to(place)
     before = state(place)
-    found, notes = ask(place)
+    found, notes = ask(place, root=root and ROOT)
     assert not mark.exists()
     assert state(place) == before
     if name in ("required", "promisor", "split-index", "include"):
@@ -62,15 +85,13 @@ def test_no_program_of_a_repository_runs(name: str, tmp_path: Path) -> None:
     else:
         assert found is not None and b"+2" in found.patch, notes
     if name in BAIT:
+        given_to(place, os.geteuid())
         subprocess.run(["sh", "-c", BAIT[name]], cwd=place, capture_output=True, check=False)
         assert mark.exists(), "it is a trap"
 
 
 def test_a_program_cannot_even_be_started() -> None:
     """Whatever a version of git to come may want to run: the kernel says no."""
-    from srprov.snapshot.gitscript import confined
-    from srprov.wire import sh
-
     for uid in (0, 1000) if ROOT else (os.geteuid(),):
         words = sh(*confined(Found(folder="/x", uid=uid), 5, root=ROOT), "sh", "-c", "(:) && echo forks")
         whole = f"o=$({words} 2>&1); printf '%s' \"$o\""
@@ -99,6 +120,37 @@ def test_no_file_of_others_is_told(tmp_path: Path) -> None:
         found, notes = ask(place / "code")
         assert b"of root alone" not in (found.patch if found else b""), name
         assert "of root alone" not in str(notes), name
+
+
+@pytest.mark.parametrize("root", [True, False])
+def test_what_git_follows_leads_nowhere_else(home: Path, *, root: bool) -> None:
+    """Whatever names the objects of another repository of the owner's, by links, lists or settings to come."""
+    make(home, "git checkout -q -b private && echo hidden >a && git commit -qam 2")
+    (home / "code").rename(home / "private")
+    make(home, "true")
+    private, git = home / "private" / ".git", home / "code" / ".git"
+    hidden = (private / "refs" / "heads" / "private").read_text()
+    (git / "refs" / "heads" / "main").write_text(hidden)
+    (git / "refs" / "remotes" / "origin" / "main").write_text(hidden)
+    (git / "objects" / "info" / "alternates").write_text(f"{private}/objects\n", encoding="utf-8")
+    tried = subprocess.run(["git", "diff", "HEAD"], cwd=home / "code", capture_output=True, text=True, check=True)
+    assert "-hidden" in tried.stdout, "it is a trap"
+    given_to(home / "private")
+    given_to(home / "code")
+    assert ask(home / "code", root=root and ROOT) == (None, ["borrows objects from another folder: it is not read"])
+    of_one = gitscript._script
+    passed = mock.Mock(side_effect=lambda *one, **how: of_one(*one, **how).replace("info/alternates", "info/others"))
+    with mock.patch.object(gitscript, "_script", passed):  # as if nobody knew of that way
+        found, notes = ask(home / "code", root=root and ROOT)
+    told = f"its commit {hidden[:12]} is on no remote that it knows of: push it and look again"
+    assert (found, notes) == (None, [told]), "it is not there"
+
+
+def test_what_cannot_be_closed_off_is_named(tmp_path: Path) -> None:
+    make(tmp_path, "true")
+    with mock.patch.object(sandbox, "_ENTER", f"exit {sandbox.NO_SANDBOX}"):
+        found, (note,) = ask(tmp_path / "code")
+    assert found is None and "cannot be closed off from the robot's other files" in note
 
 
 @pytest.mark.skipif(not ROOT, reason="only root could read what others may not")

@@ -93,7 +93,9 @@ def test_what_an_applied_experiment_left_comes_home(lab: Lab, tmp_path: Path) ->
     assert set(json.loads((home / "facts.json").read_text())["robots"]) == {"robot1", "robot2"}
     assert json.loads((home / "containers.json").read_text())["job"]["State"]["ExitCode"] == 0
 
-    lab.shell("robot1", "docker", "exec", "srprov.kept.writer", "sh", "-c", "rm /bags/grows; kill 1")
+    # the container's end may kill the shell that asked for it: `docker exec` exits with 137 then
+    end = lab.shell("robot1", "docker", "exec", "srprov.kept.writer", "sh", "-c", "rm /bags/grows; kill 1", check=False)
+    assert end.code in (0, 137), end
     wait_until(lambda: not lab.inspect("robot1", "srprov.kept.writer")["State"]["Running"], 20, "the writer's end")
     lab.shell("robot1", "sh", "-c", f"rm -f {bags(lab)}/grows; echo new >{bags(lab)}/run/7.txt")
     (home / "results" / "writer" / "bags" / "run" / "9.txt").unlink()

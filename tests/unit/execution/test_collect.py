@@ -436,10 +436,21 @@ class Nothing:
 
 
 def test_a_mount_that_a_robot_names_as_no_folder_can_be_is_not_brought(root: Path, tmp_path: Path) -> None:
-    places = {"/out": str(root), "/out/../../../etc": str(root)}
+    places = {"/out": str(root), f"/out/{'x' * 300}": str(root)}
     mounts = {"Mounts": [{"Destination": name, "Source": source} for name, source in places.items()]}
     with pytest.raises(CollectFailed, match="no folder here can have the name of its mount"):
         bring_results(Machine(), mounts, (Result(path="/out"),), tmp_path / "a/b/c", Home(parts=tmp_path / "parts"))
+
+
+def test_a_mount_is_where_its_path_leads_however_a_robot_spells_it(root: Path, tmp_path: Path) -> None:
+    """Two slashes are one: what lay there was no result's."""
+    mounts = [{"Destination": at, "Source": f"/{at[-1]}"} for at in ("//out", "out/x//b", "/out/../../c", "/out/./d/")]
+    assert place_of({"Mounts": mounts}, "/out/f") == Place(root="/t", path="f")
+    assert [at for at, _ in places_below({"Mounts": mounts}, "/out")] == ["d", "x/b"]
+    assert place_of({"Mounts": mounts}, "/c/f") == Place(root="/c", path="f")
+    outside = {"Mounts": [{"Destination": "/out/../../../etc", "Source": str(root)}]}
+    assert bring_results(Machine(), outside, (Result(path="/out"),), tmp_path / "c", Home(parts=tmp_path / "parts"))
+    assert not any((tmp_path / "c").rglob("*"))
 
 
 def test_a_mount_whose_source_holds_a_nul_is_none() -> None:

@@ -36,6 +36,14 @@ def test_what_the_robot_has_mounted_is_found_in_each_part() -> None:
     assert {path: getattr(found.part_of(path), "at", None) for path in parts} == parts
 
 
+@pytest.mark.parametrize("at", ["d", "/d", "//d", "///d/", "/x/../d", "/../d/."])
+def test_a_mount_is_where_its_path_leads_however_an_engine_spells_it(at: str) -> None:
+    found = seen([bind(at)], ["/m", "/srv/d"], ["/", "/m", "/srv"])
+    (part,) = [one for one in found.parts if one.at != "/"]
+    assert part.at == "/d" and found.part_of("/d/f") == part
+    assert found.mounted_over("/d/f", "/") == "/d" and found.mounted_below("/") == "/d"
+
+
 def test_mounts_times_what_the_robot_has_mounted_are_not_gone_through() -> None:
     """A thousand binds whose sources hold five thousand mounts each: every call built them all."""
 
