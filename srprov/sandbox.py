@@ -61,6 +61,8 @@ case "$whole/" in "$one"/*) printf 'M 0 %s\\0\\0H\\0' "$what"; exit 0 ;; esac
 case $one in "$whole"/*) printf 'M 0 %s\\0\\0' "${{what%/}}/${{one#"$whole"/}}" ;; esac
 done; """
 """Says within `inside` what is mounted in a path, as `listing.py` takes it; ends where the path is in a mount."""
+ENDED = re.compile(rb"srprov-end ([0-9]{1,3})\s*\Z")
+"""What a script that `ending` made says last on stderr: with which status it ended."""
 _OCTAL = re.compile(rb"\\([0-3][0-7]{2})")
 _ROOT = f'root=$(realpath -e -- "$root" 2>/dev/null) || exit {MISSING}; '
 _NAMES = "passwd group"

@@ -6,7 +6,6 @@ links, and go on where a transfer was cut. Whoever fetches compares each file wi
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any, Protocol, TypeVar
@@ -19,7 +18,7 @@ from srprov.execution.listing import Entry, Listing, ListingError
 from srprov.execution.result_scripts import TAR, UNNAMEABLE, WHY, lists
 from srprov.led import led_of, mounted_at
 from srprov.pace import TOO_LITTLE, Pace
-from srprov.sandbox import MISSING, ended_with_channel, ending, inside
+from srprov.sandbox import ENDED, MISSING, ended_with_channel, ending, inside
 from srprov.session import Session, Streams
 from srprov.untrusted import absolute, mapping, mappings
 
@@ -29,7 +28,6 @@ _HASHED_PER_S = 2 << 20
 _HASHING_S = 3600.0
 _PAUSE_S = 0.2
 _READY = b"srprov-ready\n"
-_ENDED = re.compile(rb"srprov-end ([0-9]{1,3})\s*\Z")
 _LONGEST_COMPLAINT = 16_384
 _MOST_MOUNTS = 1000  # of a container: an EDF names no more, but images may
 
@@ -235,7 +233,7 @@ def _pieces(host: str, streams: Streams, pace: Pace) -> Iterator[bytes]:
         elif error:
             continue
         elif streams.ended:
-            ended = _ENDED.search(complaint)
+            ended = ENDED.search(complaint)
             if ended is None:
                 raise TransportError(host, f"a result ended too early: {streams.reason()}", code=Code.RESULTS)
             if int(ended[1]):

@@ -5,16 +5,15 @@ Takes scripts that `sandbox.ending` ends; gives pieces of bytes, and errors in w
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 
 from srprov.codes import Code
 from srprov.errors import TransportError, one_line
 from srprov.pace import TOO_LITTLE, Pace
+from srprov.sandbox import ENDED
 from srprov.session import Streams
 
 _READY = b"ready\n"
-_ENDED = re.compile(rb"srprov-end ([0-9]{1,3})\s*\Z")
 _LONGEST_COMPLAINT = 16_384
 _CHANGED = 1
 """GNU tar's status when a file changed, or went, while it was read."""
@@ -96,7 +95,7 @@ class _Shell:
 
     def end(self, fine: tuple[int, ...]) -> None:
         """Raise TransportError unless it ended with a status that is fine."""
-        ended = _ENDED.search(self._complaint)
+        ended = ENDED.search(self._complaint)
         if ended is None:
             said = f"{self._what}: it ended too early: {self._streams.reason()}"
             raise TransportError(self._host, said, hint="try again", code=Code.LOST)

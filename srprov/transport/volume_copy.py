@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from srprov.errors import TransportError
 from srprov.pace import Pace
-from srprov.sandbox import NO_SANDBOX, NONE_MOUNTED, NOT_CLOSED, sandboxed_reading, sandboxed_writing
+from srprov.sandbox import ENDED, NO_SANDBOX, NONE_MOUNTED, NOT_CLOSED, ending, sandboxed_reading, sandboxed_writing
 from srprov.session import Progress, Streams
 from srprov.untrusted import integer, lines_of
 from srprov.wire import CopyVolume, Reply, Run, quote
@@ -134,7 +134,7 @@ def _hash(reply: Reply) -> str:
 
 
 def _out(volume: str) -> str:
-    return _place(volume) + _read(f"exec tar --create --sparse {_KEEP} .")
+    return ending(_place(volume) + _read(f"exec tar --create --sparse {_KEEP} ."))
 
 
 def _into(volume: str) -> str:
@@ -167,7 +167,7 @@ class _Pump:
     ) -> None:  # fmt: skip
         self._most, self._alive = most, alive
         self._copy, self._source, self._target, self._progress = copy, source, target, progress
-        self._said, self._complaint = bytearray(), bytearray()
+        self._said, self._complaint, self._given = bytearray(), bytearray(), b""
         self._total = self._step = 0
         self._taking = Pace()
 
@@ -178,18 +178,21 @@ class _Pump:
         giving = Pace()
         while not self._source.ended:
             piece, error = self._source.read()
-            self._complaint += error[: 4096 - len(self._complaint)]
+            self._given = (self._given + error)[-4096:]
             if not self._alive():  # whoever ended the run closed it
                 return "its connection was closed"
             if self._total + len(piece) > self._most:
                 return f"{self._copy.source_host} gives more than it said that it has, or than there is room for"
             if not giving.goes_on(len(piece)):
-                return f"{self._copy.source_host} gave no more data{self._words()}"
+                return f"{self._copy.source_host} gave no more data{_words(self._given)}"
             if piece and not self._send(memoryview(piece)):
                 return self._why("it took no more of the data")
             giving.resume()
             if not piece:
                 self._source.wait(0.2, writing=False)
+        ended = ENDED.search(self._given)
+        if ended is None or int(ended[1]):  # the other one would wait for the rest
+            return f"{self._copy.source_host} did not give all of its data{_words(ENDED.sub(b'', self._given))}"
         return "" if self._until(b"done\n") else self._why("it did not finish")
 
     def _send(self, piece: memoryview) -> bool:
@@ -225,8 +228,9 @@ class _Pump:
         return not self._target.ended
 
     def _why(self, what: str) -> str:
-        return f"{what}{self._words()}"
+        return f"{what}{_words(self._complaint)}"
 
-    def _words(self) -> str:
-        said = " ".join(self._complaint.decode("utf-8", "replace").split())[-400:]
-        return f": {said}" if said else ""
+
+def _words(complaint: bytes | bytearray) -> str:
+    said = " ".join(complaint.decode("utf-8", "replace").split())[-400:]
+    return f": {said}" if said else ""

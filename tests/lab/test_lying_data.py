@@ -13,7 +13,7 @@ pytestmark = pytest.mark.lab
 
 OWN, NEW = "/var/lib/docker/volumes/own/_data", "/var/lib/docker/volumes/srprov.moved.d/_data"
 LIAR = r"""
-mkdir -p /root/lie/as/b && cd /root/lie && printf 'rm -rf /\n' >as/x && ln -s "$1" as/p && : >as/b/file
+mkdir -p /usr/local/lie/as/b && cd /usr/local/lie && printf 'rm -rf /\n' >as/x && ln -s "$1" as/p && : >as/b/file
 for one in as/x as/b/file as/p as/b as; do touch -h -d @1700000000 $one; done
 python3 - "$1" <<'END'
 import sys, tarfile
@@ -30,8 +30,8 @@ END
 cat >/usr/local/sbin/tar <<'END'
 #!/bin/bash
 case "$*" in
-*--sort=name*) exec /usr/bin/tar "${@/--directory=*/--directory=/root/lie/as}" ;;
-*--sparse*) exec cat /root/lie/lie.tar ;;
+*--sort=name*) cd /usr/local/lie/as && exec /usr/bin/tar "$@" ;;
+*--sparse*) exec cat /usr/local/lie/lie.tar ;;
 esac
 exec /usr/bin/tar "$@"
 END
@@ -46,21 +46,22 @@ def test_data_that_is_moved_makes_no_second_name_of_a_file_of_another_robot(lab_
     inventory = part_of_lab(lab, ["robot1", "robot2"], tmp_path / "lab.yml")
     home = {"XDG_STATE_HOME": str(tmp_path / "state")}
 
-    def apply(robot: str) -> int:
+    def apply(robot: str) -> Done:
         path.write_text(edf("moved", {"a": busybox(robot=robot, volumes=["d:/d"])}), encoding="utf-8")
         words = ("apply", str(path), "-i", inventory, "--yes", "--settle", "0", "--data", "move")
-        return lab.srprov(*words, env=home).code
+        return lab.srprov(*words, env=home)
 
     try:
-        assert apply("robot1") == 0
+        assert apply("robot1").code == 0
         make = f"docker volume create own && printf 'rm -rf /\\n' >{OWN}/file && touch -d @1700000000 {OWN}/file"
         lab.shell("robot2", "sh", "-ec", make)
         lab.shell("robot1", "sh", "-ec", LIAR, "sh", OWN)
-        assert apply("robot2") != 0
+        failed = apply("robot2")
+        assert failed.code != 0 and "hard link" in failed.err, failed
         assert lab.shell("robot2", "stat", "-c", "%h", f"{OWN}/file").out == "1\n"
         assert lab.shell("robot2", "ls", NEW, check=False).code != 0
     finally:
-        lab.shell("robot1", "rm", "-rf", "/usr/local/sbin/tar", "/root/lie", check=False)
+        lab.shell("robot1", "rm", "-rf", "/usr/local/sbin/tar", "/usr/local/lie", check=False)
         lab.srprov("destroy", str(path), "-i", inventory, "--yes", "--volumes", env=home)
         lab.shell("robot2", "docker", "volume", "rm", "-f", "own", check=False)
 

@@ -8,6 +8,7 @@ import subprocess
 import tarfile
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import pytest
 
@@ -22,10 +23,16 @@ COPY = CopyVolume(volume="srprov.x.d", into="srprov-copy.x.d", source_host="liar
 class Shell:
     """A shell that prints without end, or one that takes everything."""
 
+    last_words: bytes | None = None
+    """With which it ends at once; or it never does."""
+
     def __init__(self, robot: Robot, said: bytes = b"") -> None:
         self.robot, self.said, self.ended = robot, said, False
 
     def read(self) -> tuple[bytes, bytes]:
+        if self.last_words is not None and self.robot.host == "liar":
+            self.ended = True
+            return b"x" * MIB, self.last_words
         if self.robot.host == "liar":
             return b"x" * MIB, b""
         said, self.said = self.said, b""
@@ -77,6 +84,22 @@ def test_a_robot_that_gives_more_than_it_said_is_cut_off(free: int, most: int) -
     reply, target = copied("10240\t/v\n10240\t/v\n3\n", free)
     assert not reply.ok and "liar gives more than it said that it has, or than there is room for" in reply.err
     assert most - 2 <= target.taken / MIB <= most + 1
+
+
+@pytest.mark.parametrize(
+    ("said", "why"),
+    [
+        (b"tar: ./a: Cannot open: Permission denied\nsrprov-end 2\n", ": tar: ./a: Cannot open: Permission denied"),
+        (b"srprov-end 1\n", ""),
+        (b"sh: out of memory", ": sh: out of memory"),
+        (b"", ""),
+    ],
+)
+def test_a_robot_that_stops_in_the_middle_is_not_waited_for(said: bytes, why: str) -> None:
+    """The other one's tar waits for the rest: it did for two minutes."""
+    with mock.patch.object(Shell, "last_words", said):
+        reply, target = copied("10240\t/v\n10240\t/v\n3\n", 900 * 1024)
+    assert not reply.ok and reply.err == f"liar did not give all of its data{why}" and target.taken == MIB
 
 
 def test_what_has_no_room_or_no_size_is_not_begun() -> None:
