@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from itertools import chain
 
 from srprov.codes import Code
 from srprov.definitions import dockerwords, heredoc, images
@@ -216,18 +215,16 @@ def unclear(text: str) -> tuple[int, str] | None:
             return number, "it changes the escape character"
         if _FRONTEND.match(line.strip()):
             return number, "it names another frontend than docker/dockerfile"
+        if last[0] == number and last[1].endswith("\\\\"):
+            return number, "some builders go on after two escapes at its end, and others do not"
     if last[1].endswith("\\"):  # what srprov adds below would be a part of it
         return last[0], "it goes on, and nothing follows"
-    for joint in _JOINTS:
-        if number := dockerwords.hidden_proxy(instructions(text, joint)):
-            return number, "a proxy before FROM is no part of what a builder knows a layer by; write it below"
-    for number, instruction, words in chain(instructions(text), instructions(text, _JOINTS[1])):
-        word, rest = instruction, words
-        while word == "ONBUILD" and rest:
-            first, *others = rest.split(None, 1)
-            word, rest = first.upper(), " ".join(others)
-        if not word.isascii() or word.startswith(("-", "{")):
-            return number, "its instruction is no plain word"
+    if number := dockerwords.hidden_proxy(instructions(text)):
+        return number, "a proxy before FROM is no part of what a builder knows a layer by; write it below"
+    for number, instruction, words in instructions(text):
+        word, rest = dockerwords.triggered(instruction, words)
+        if word not in dockerwords.KNOWN:
+            return number, "it begins with no instruction that builders know"
         if word in ("RUN", "COPY", "ADD") and not dockerwords.is_list(rest) and heredoc.may_begin(rest):
             return number, "it may begin a here-document, which the engine's builder does not know"
         if word == "RUN" and dockerwords.is_builders_own(rest):
@@ -243,6 +240,9 @@ def _unclear_words(instruction: str, rest: str) -> str:
         return "it holds a blank that is neither a space nor a tab"
     options = OPTIONS.match(rest)
     words = rest[options.end() :] if options else rest
+    stage = _FROM.fullmatch(rest) if instruction == "FROM" else None
+    if stage and stage["name"] and not dockerwords.STAGE.fullmatch(stage["name"]):
+        return "no stage can have that name"
     if options and (_QUOTE.search(options[0]) or "--" in options[0].split()):
         return "an option holds a quote or an escape, or nothing"
     # what a COPY copies is in the build's context, however it is written; what FROM names is asked for then

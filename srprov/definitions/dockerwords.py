@@ -13,6 +13,13 @@ _BUILDERS_OWN = "#(nop)"
 """How the command begins by which the classic builder knows the layer of a COPY, an ENV or a LABEL."""
 _CODE = re.compile(r"\\u([0-9A-Fa-f]{4})")
 _NAME = re.compile("[A-Za-z_][A-Za-z0-9_.-]*")
+KNOWN = frozenset(
+    {"ADD", "ARG", "CMD", "COPY", "ENTRYPOINT", "ENV", "EXPOSE", "FROM", "HEALTHCHECK", "LABEL", "MAINTAINER",
+     "ONBUILD", "RUN", "SHELL", "STOPSIGNAL", "USER", "VOLUME", "WORKDIR"}
+)  # fmt: skip
+"""Instructions; another one may be the text of a line before."""
+STAGE = re.compile("[a-z][a-z0-9_.-]*", re.IGNORECASE | re.ASCII)
+"""A stage's name as builders take it: no image of an experiment has one. Source: buildkit, instructions/parse.go."""
 _MOST_LINES, _MOST_INSTRUCTIONS = 5000, 1000
 """An image has 127 layers at most. All are gone through in each reading, and some for each name."""
 
@@ -23,6 +30,14 @@ def beyond(lines: int, begins: Iterable[int]) -> tuple[int, str] | None:
         return _MOST_LINES, f"more follow, and no more than {_MOST_LINES} are read"
     more = next(itertools.islice(begins, _MOST_INSTRUCTIONS, None), 0)
     return (more, f"no more than {_MOST_INSTRUCTIONS} instructions are read") if more else None
+
+
+def triggered(instruction: str, words: str) -> tuple[str, str]:
+    """Return an instruction and its words; of ONBUILD those behind it."""
+    while instruction == "ONBUILD" and words:
+        first, *others = words.split(None, 1)
+        instruction, words = first.upper(), " ".join(others)
+    return instruction, words
 
 
 def is_list(words: str) -> bool:

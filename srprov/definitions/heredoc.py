@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import re
 
-_PLAIN = re.compile(r"\"(?:\\.|\\\Z|[^\"\\])*(?P<double>\"?)|'[^']*(?P<single>'?)|<<<|\$\(\([^()\"'\\]*\)\)", re.DOTALL)
-"""What no here-document begins in. A quote that does not end is matched up to the end: each is looked at once."""
+_PLAIN = re.compile(
+    r"\"(?:\\.|\\\Z|[^\"\\])*(?P<double>\"?)|'[^']*(?P<single>'?)|<<<|\$\(\([^()\s\"'\\]*\)\)", re.DOTALL
+)
+"""What no here-document begins in: arithmetic with blanks is split there. A quote that does not end is matched up to the
+end: each is looked at once."""
 _HEREDOC = re.compile(r"<<|\\|\$\{(?:(?!\$\{)[^}<])*<")
 """What may begin one elsewhere."""
 

@@ -123,6 +123,19 @@ UNCLEAR = [
     "FROM a\nRUN \\\\\ncat <<x\n",
     'FROM a\nCOPY <<"" /x\n',
     "FROM a\nRUN <<EOF\nHEALTHCHECK CMD x\nEOF\n",
+    "FROM a\nRUN true || echo $(( <<E ))\nFROM a AS srprov/victim:1\nE\nFROM a\nCOPY --from=srprov/victim:1 /x /x\n",
+    "FROM a\nRUN echo $((1\t<<E))\nENV A=1\n",
+    "FROM a\nCOPY $((\t<<E\t)) /x\nE",
+    # what hides a FROM hides it as one of these
+    "FROM a AS srprov/victim:1\n",
+    "FROM a as Evil/Base:1\nFROM evil/base:1\n",
+    "FROM a AS 0\n",
+    "FROM a\nE\n",
+    "FROM a\nONBUILD E x\n",
+    # an old builder goes on there: the last line is an image's then
+    "FROM a\nRUN echo \\\\\nFROM a AS b\n\nFROM b\n",
+    "FROM a\nRUN echo \\\\\\ \t\nFROM a AS b\nFROM b\n",
+    "ARG A=1 \\\\\nARG ALL_PROXY\nFROM a\n",
     'FROM a\nRUN x \\\\\nADD http:"//"127.0.0.1/x /x\n',
     "FROM a\n# note\u2028FROM srprov/victim:1\n",
     "FROM a\nRUN x\rFROM srprov/victim:1\n",
@@ -147,7 +160,6 @@ HIDDEN = [
     "ARG A=tp\nARG ht${A}_proxy=x\nFROM a\n",
     "ARG h\\ttp_proxy=x\nFROM a\n",
     "ARG A='\\' http_proxy=x '\nFROM a\n",
-    "ARG A=1 \\\\\nARG ALL_PROXY\nFROM a\n",
 ]
 
 
