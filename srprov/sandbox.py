@@ -40,7 +40,8 @@ for name in $4; do
   mkdir -p /tmp/etc && : >"/tmp/etc/$name" && mount --bind "/etc/$name" "/tmp/etc/$name" &&
     mount -o remount,bind,ro "/tmp/etc/$name" || exit {NO_SANDBOX}
 done
-for name in $5; do
+# people keep there what nobody else may read
+for name in usr/local usr/src; do
   [ ! -d "/tmp/$name" ] || mount -t tmpfs -o ro,mode=755,size=4k srprov "/tmp/$name" || exit {NO_SANDBOX}
 done
 mount -c --bind . /tmp/folder && mount -o "remount,bind,$3,nodev,nosuid,noexec" /tmp/folder || exit {NO_SANDBOX}
@@ -82,18 +83,18 @@ def named(mounted: bytes) -> bytes:
     return _OCTAL.sub(lambda one: bytes([int(one[1], 8)]), mounted)
 
 
-def sandboxed(root: str, script: str, real: str = "", *, way: str = "ro", hidden: str = "", user: bool = False) -> str:
+def sandboxed(root: str, script: str, real: str = "", *, way: str = "ro", user: bool = False) -> str:
     """Return a script that runs another one in a folder of the robot, which is its working folder at the start.
 
     The inner one ends with `exit` or its last status, reads only, unless the way is `rw`, and sees the folder under
     another name, without what is mounted in it, which its `$mounted` names (`MOUNTED`). Nothing is read where the
-    folder's path leads elsewhere than to `real`, if that is known; `hidden` names folders of the robot's programs that
-    are empty in there; `user` says that the shell is not root's, and is closed off all the same.
+    folder's path leads elsewhere than to `real`, if that is known; `user` says that the shell is not root's, and is
+    closed off all the same.
     """
     same = f'[ "$root" = {quote(real)} ] || exit {ELSEWHERE}; ' if real else ""
     return (
         f"root=$(realpath -e -- {quote(root)} 2>/dev/null) || exit {MISSING}; {same}"
-        f"{_closed(script, way, '', hidden, user=user)}"
+        f"{_closed(script, way, '', user=user)}"
     )
 
 
@@ -133,13 +134,13 @@ def sandboxed_reading(script: str) -> str:
     return _ROOT + _closed(script, "ro", _NAMES)
 
 
-def _closed(script: str, way: str, known: str, hidden: str = "", *, user: bool = False) -> str:
+def _closed(script: str, way: str, known: str, *, user: bool = False) -> str:
     inside, unshare = quote(script), "unshare -r -m" if user else "unshare -m"
     open_to = f'if [ "$(id -u)" != 0 ]; then cd -- "$root" || exit {MISSING}; exec sh -c {inside}; fi; '
     return (
         f"{MOUNTED}export mounted; {'' if user else open_to}"
         f"{unshare} true || exit {NO_SANDBOX}; "
-        f'exec {unshare} sh -c {quote(_ENTER)} sh "$root" {inside} {way} {quote(known)} {quote(hidden)}'
+        f'exec {unshare} sh -c {quote(_ENTER)} sh "$root" {inside} {way} {quote(known)}'
     )
 
 

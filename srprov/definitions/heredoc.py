@@ -7,8 +7,8 @@ import re
 _PLAIN = re.compile(
     r"\"(?:\\.|\\\Z|[^\"\\])*(?P<double>\"?)|'[^']*(?P<single>'?)|<<<|\$\(\([^()\s\"'\\]*\)\)", re.DOTALL
 )
-"""What no here-document begins in: arithmetic with blanks is split there. A quote that does not end is matched up to the
-end: each is looked at once."""
+"""What no here-document begins in: arithmetic with blanks is split there. A quote that does not end is matched up to
+the end: each is looked at once."""
 _HEREDOC = re.compile(r"<<|\\|\$\{(?:(?!\$\{)[^}<])*<")
 """What may begin one elsewhere."""
 

@@ -26,8 +26,6 @@ MOST_NAMES = 16 << 10
 _SHORT_S, _LONG_S = 3, 10
 TIMEOUT_S = 8 * _SHORT_S + 2 * _LONG_S + 10
 """Of all that is asked of one repository."""
-_HIDDEN = "usr/local usr/src"
-"""Of the robot's programs, what people keep repositories in that nobody else may read."""
 _LINKS = "-type l -print -quit"
 _OTHERS = "-xdev ! -uid 0 -printf x -quit"
 _TIMED_OUT = 124
@@ -101,7 +99,7 @@ def script(found: Found, *, root: bool) -> str:
         ValueError: Its path holds a NUL byte.
     """
     asked = _script(Found(folder=INSIDE, uid=found.uid), root=root)
-    closed = sandboxed(found.folder, asked, found.folder, hidden=_HIDDEN, user=not root)
+    closed = sandboxed(found.folder, asked, found.folder, user=not root)
     return f"( {closed} ); [ $? != {NO_SANDBOX} ] || echo 'odd open'"
 
 

@@ -40,7 +40,10 @@ _ROOT = f'[ "$(id -u)" = 0 ] || exit {_NOT_ROOT}; '
 _FIND = f"find . -prune -printf '' && command -v xargs >/dev/null || exit {_NO_TOOLS}; "
 _GNU = f"tar --version 2>/dev/null | grep -q GNU || exit {_NO_TOOLS}; "
 _IN = f'cd -- "$what" || exit {MISSING}; case "$(pwd -P)/" in "$here"/*) ;; *) exit {LED_OUT} ;; esac; '
-_TAR = "tar --create --format=posix --numeric-owner '--pax-option=delete=atime,delete=ctime' -- \"$what\""
+_TAR = (
+    "tar --create --format=posix --numeric-owner '--pax-option=delete=atime,delete=ctime' --warning=no-file-changed "
+    '--warning=no-file-ignored -- "$what"'
+)
 _UNTAR = f"{_IN}printf 'ready\\n' && tar --extract --preserve-permissions --same-owner --numeric-owner"
 _MOST_LISTED = 6 << 20
 """Bytes of the names of what is there already."""

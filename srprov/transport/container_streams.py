@@ -15,15 +15,16 @@ from srprov.session import Streams
 
 _READY = b"ready\n"
 _LONGEST_COMPLAINT = 16_384
+_SAID = 300
 _CHANGED = 1
-"""GNU tar's status when a file changed, or went, while it was read."""
+"""GNU tar's status when a file changed, or went, while it was read. One that only grew is whole as it was listed."""
 
 
 def taken(host: str, streams: Streams, path: str, why: Mapping[int, str]) -> Iterator[bytes]:
     """Yield what a script gives, to its end.
 
     Raises:
-        TransportError: It failed, or next to nothing comes.
+        TransportError: It failed, or next to nothing comes; or at the end, where something of it was cut or removed.
     """
     shell = _Shell(host, streams, f"{path} cannot be read", why)
     try:
@@ -33,7 +34,9 @@ def taken(host: str, streams: Streams, path: str, why: Mapping[int, str]) -> Ite
                 shell.pace.resume()
             else:
                 streams.wait(0.2, writing=False)
-        shell.end((0, _CHANGED))
+        if words := shell.end((0, _CHANGED)):
+            said = f"{path} was cut or removed while it was copied, and what is here of it is not whole: {words}"
+            raise TransportError(host, said, hint="copy it again when nothing changes there", code=Code.RESULTS)
     finally:
         streams.close()
 
@@ -93,18 +96,19 @@ class _Shell:
             if not sent:
                 self._streams.wait(0.2, writing=True)
 
-    def end(self, fine: tuple[int, ...]) -> None:
-        """Raise TransportError unless it ended with a status that is fine."""
+    def end(self, fine: tuple[int, ...]) -> str:
+        """Return what it complained of, unless it ended well; raise TransportError where its status is not fine."""
         ended = ENDED.search(self._complaint)
         if ended is None:
             said = f"{self._what}: it ended too early: {self._streams.reason()}"
             raise TransportError(self._host, said, hint="try again", code=Code.LOST)
+        words = self._complaint[: ended.start()].decode("utf-8", "replace")
         if (status := int(ended[1])) not in fine:
-            words = self._complaint[: ended.start()].decode("utf-8", "replace")
             raise failed(self._host, self._what, status, words, self._why)
+        return one_line(words)[-_SAID:] if status else ""
 
 
 def failed(host: str, what: str, status: int, complaint: str, why: Mapping[int, str]) -> TransportError:
     """Return the error of a script that ended with a status."""
-    words = why.get(status) or one_line(complaint)[-300:] or f"status {status}"
+    words = why.get(status) or one_line(complaint)[-_SAID:] or f"status {status}"
     return TransportError(host, f"{what}: {words}", code=Code.ENGINE)

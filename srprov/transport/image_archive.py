@@ -10,6 +10,7 @@ Source: Docker Image Specification v1.2, "Combined Image JSON + Filesystem Chang
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import posixpath
 import re
@@ -93,16 +94,19 @@ def only(
 def _check(name: str, member: tarfile.TarInfo, names: set[str], folders: set[str]) -> None:
     """Refuse what no engine writes: paths that leave the archive, files that come twice, lists that are links.
 
-    Nothing lies below a link or a file either: what is compared here under one name would be read under another.
+    Nothing lies below a link or a file either: what is compared here under one name would be read under another. Nor
+    does a link lead through another one, from where `..` is elsewhere.
     """
     target = posixpath.normpath(posixpath.join(posixpath.dirname(name), member.linkname)) if member.issym() else name
     lists = (_LIST, *_OTHER_LISTS)
     parts = name.split("/")
-    if any(path.startswith(("/", "..")) for path in (name, target)) or name == "." or len(parts) > _DEEPEST:
+    down = itertools.dropwhile(lambda one: one in ("", ".", ".."), member.linkname.split("/"))
+    leaves = any(path.startswith(("/", "..")) for path in (name, target)) or ".." in down
+    if leaves or name == "." or len(parts) > _DEEPEST:
         raise ForeignImage(f"{name!r} is no file that an image has")
     if name in names or (member.issym() and (target in lists or name in lists)):
         raise ForeignImage(f"{name!r} comes twice")
-    above = {"/".join(parts[:end]) for end in range(1, len(parts))}
+    above = {"/".join(path[:end]) for path in (parts, target.split("/")) for end in range(1, len(path))}
     if name in folders or not names.isdisjoint(above):
         raise ForeignImage(f"{name!r} is a file or a link, or lies below one, where others have a folder")
     names.add(name)

@@ -14,7 +14,7 @@ import pytest
 from srprov import sandbox
 from srprov.sandbox import sandboxed
 from srprov.snapshot import gitscript
-from srprov.snapshot.gitscript import _HIDDEN, Found, confined, script
+from srprov.snapshot.gitscript import Found, confined, script
 from srprov.snapshot.notes import Notes
 from srprov.snapshot.repositories import Repository, parse_repository
 from srprov.wire import sh
@@ -176,9 +176,7 @@ def test_no_repository_of_others_is_read_by_links(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not ROOT, reason="only root closes a folder off")
 def test_a_link_leads_to_no_repository_beside_the_robots_programs(tmp_path: Path) -> None:
-    words = sandboxed(
-        str(tmp_path), "ls -A /usr/local /usr/src | grep -v : | tr -d '\\n'; ls /usr/bin/git", hidden=_HIDDEN
-    )
+    words = sandboxed(str(tmp_path), "ls -A /usr/local /usr/src | grep -v : | tr -d '\\n'; ls /usr/bin/git")
     ran = subprocess.run(["sh", "-c", words], capture_output=True, text=True, check=False)
     assert ran.stdout == "/usr/bin/git\n", ran
 

@@ -13,7 +13,8 @@ pytestmark = pytest.mark.lab
 
 OWN, NEW = "/var/lib/docker/volumes/own/_data", "/var/lib/docker/volumes/srprov.moved.d/_data"
 LIAR = r"""
-mkdir -p /usr/local/lie/as/b && cd /usr/local/lie && printf 'rm -rf /\n' >as/x && ln -s "$1" as/p && : >as/b/file
+mv /usr/bin/tar /usr/bin/tar.own
+mkdir -p /usr/lib/lie/as/b && cd /usr/lib/lie && printf 'rm -rf /\n' >as/x && ln -s "$1" as/p && : >as/b/file
 for one in as/x as/b/file as/p as/b as; do touch -h -d @1700000000 $one; done
 python3 - "$1" <<'END'
 import sys, tarfile
@@ -27,15 +28,15 @@ with tarfile.open("lie.tar", "w") as tar:
         one.type, one.linkname, one.mode, one.mtime = kind, link, mode, 1700000000
         tar.addfile(one)
 END
-cat >/usr/local/sbin/tar <<'END'
+cat >/usr/bin/tar <<'END'
 #!/bin/bash
 case "$*" in
-*--sort=name*) cd /usr/local/lie/as && exec /usr/bin/tar "$@" ;;
-*--sparse*) exec cat /usr/local/lie/lie.tar ;;
+*--sort=name*) cd /usr/lib/lie/as && exec /usr/bin/tar.own "$@" ;;
+*--sparse*) exec cat /usr/lib/lie/lie.tar ;;
 esac
-exec /usr/bin/tar "$@"
+exec /usr/bin/tar.own "$@"
 END
-chmod 755 /usr/local/sbin/tar
+chmod 755 /usr/bin/tar
 """
 """What it sends makes `x` a second name of the file `file` in a folder of the other robot; and its hash is right."""
 
@@ -61,7 +62,7 @@ def test_data_that_is_moved_makes_no_second_name_of_a_file_of_another_robot(lab_
         assert lab.shell("robot2", "stat", "-c", "%h", f"{OWN}/file").out == "1\n"
         assert lab.shell("robot2", "ls", NEW, check=False).code != 0
     finally:
-        lab.shell("robot1", "rm", "-rf", "/usr/local/sbin/tar", "/usr/local/lie", check=False)
+        lab.shell("robot1", "sh", "-c", "mv /usr/bin/tar.own /usr/bin/tar; rm -rf /usr/lib/lie", check=False)
         lab.srprov("destroy", str(path), "-i", inventory, "--yes", "--volumes", env=home)
         lab.shell("robot2", "docker", "volume", "rm", "-f", "own", check=False)
 

@@ -427,3 +427,29 @@ def test_who_only_talks_is_not_waited_for(monkeypatch: pytest.MonkeyPatch, said:
     monkeypatch.setattr("srprov.pace.time.monotonic", lambda: float(next(seconds)))
     with pytest.raises(TransportError, match="cannot be written"):
         given("robot1", Talker(said), "/x", {}, iter([b"a" * 100]))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("how", ["cut", "removed", "grown"])
+def test_what_is_cut_or_removed_while_it_is_copied_is_told(world: World, session: Session, how: str) -> None:
+    """In the place of what was cut there are zeros, which nobody wrote."""
+    files = [world.data / "run" / name for name in ("a", "b")]
+    files[0].parent.mkdir()
+    for one in files:
+        one.write_bytes(b"x" * (8 << 20))
+    pieces = session.copy_out("c", "/data/run")
+    whole = len(next(pieces))
+    for one in files:
+        if how == "cut":
+            os.truncate(one, 1000)
+        elif how == "removed":
+            one.unlink()
+        else:
+            with one.open("ab") as more:
+                more.write(b"more")
+    if how == "grown":
+        assert whole + sum(map(len, pieces)) > 16 << 20
+        return
+    with pytest.raises(TransportError, match="was cut or removed while it was copied") as caught:
+        for _ in pieces:
+            pass
+    assert {"cut": "padding with zeros", "removed": "removed before we read it"}[how] in caught.value.message

@@ -114,8 +114,24 @@ def test_a_layer_that_is_a_link_to_another_comes_through() -> None:
         (("a", b""), ("a/c.json", GOOD)),
         ((".", "a"), ("a/c.json", GOOD)),
         (("a/" * 20 + "x", b""), ("a/c.json", GOOD)),
+        # where the first one leads, the way back ends above the archive
+        (("d/e/f", "../.."), ("a/l", "../d/e/f/../../../../../x"), ("a/c.json", GOOD)),
+        (("a/l", "../d/e/f/x"), ("d/e/f", "../.."), ("a/c.json", GOOD)),
+        (("d/e/f", "../.."), ("a/l", "../d/e/f/x"), ("a/c.json", GOOD)),
+        (("a/l", "./.x/./../x"), ("a/c.json", GOOD)),
     ],
-    ids=["below a link", "a link comes later", "a file comes later", "below a file", "all is a link", "too deep"],
+    ids=[
+        "below a link",
+        "a link comes later",
+        "a file comes later",
+        "below a file",
+        "all is a link",
+        "too deep",
+        "back from a link",
+        "through a later link",
+        "through a link",
+        "back from a name",
+    ],
 )
 def test_no_file_is_read_under_another_name_than_it_was_compared_under(
     order: Sequence[tuple[str, str | bytes]],
