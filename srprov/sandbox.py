@@ -129,6 +129,15 @@ def sandboxed_writing(script: str) -> str:
     return _ROOT + _closed(script, "rw", _NAMES)
 
 
+def sandboxed_there(script: str) -> str:
+    """Return a script that runs another one, which only reads, in the folder whose path the shell's `$root` is.
+
+    A path that a link leads elsewhere is not that folder. A shell that is not root's is closed off, too.
+    """
+    root, user = (_closed(script, "ro", "", user=one) for one in (False, True))
+    return f'if [ "$(id -u)" = 0 ]; then {root}; else {user}; fi'
+
+
 def sandboxed_reading(script: str) -> str:
     """Return the same, where the inner script only reads."""
     return _ROOT + _closed(script, "ro", _NAMES)

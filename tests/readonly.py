@@ -310,7 +310,7 @@ def _setpriv(words: Sequence[str]) -> bool:
         return False
     limits = [word for word in rest[1:] if re.fullmatch(r"--(nproc|fsize|core|data|cpu)=[0-9]+:[0-9]+", word)]
     program = rest[1 + len(limits) :]
-    return set(limits) >= _LIMITED and (program == _TRIES_TO_FORK or _git(program))
+    return set(limits) >= _LIMITED and (program == _TRIES_TO_FORK or program[:1] == ["head"] or _git(program))
 
 
 def _git(words: Sequence[str]) -> bool:
@@ -341,7 +341,7 @@ READS: dict[str, Callable[[Sequence[str]], bool]] = {
     "set": lambda words: (
         list(words[:1]) == ["--"] or set(words) <= {"-e", "-u", "-f", "+f"}
     ),  # behind `--`: the shell's own words
-    "export": _only("PATH", "LC_ALL", "SRPROV_SESSION", "mounted"),
+    "export": _only("PATH", "LC_ALL", "SRPROV_SESSION", "mounted", "folder"),
     "date": _date,
     "sed": _sed,
     "sort": _no_option("-o", "--output"),

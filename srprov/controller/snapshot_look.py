@@ -94,7 +94,7 @@ def look(reader: Reader, name: str) -> Seen:
             notes.lost("containers", "what is said of them is too long, or takes too long: there may be more")
             break
     if host.elsewhere and host.sources:
-        host = replace(host, keys=parse_keys(reader.ask([keys_query(host.sources)])[0].out))
+        host = replace(host, keys=parse_keys(reader.ask([keys_query(host.sources, root=host.root)])[0].out))
     _note_changes(reader, containers, end, notes)
     return Seen(
         name=name,

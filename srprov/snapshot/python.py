@@ -14,6 +14,7 @@ from typing import Any
 
 import msgspec
 
+from srprov.sandbox import ELSEWHERE, NO_SANDBOX, NOT_CLOSED
 from srprov.snapshot.notes import Notes
 from srprov.untrusted import json_or_none, mapping, string, text
 
@@ -24,6 +25,11 @@ _COMMIT = re.compile(r"[0-9a-f]{40}|[0-9a-f]{64}")
 _FOLDER = re.compile(r"(?P<name>[A-Za-z0-9._]+)-(?P<version>[A-Za-z0-9.!_+]+)\.dist-info")
 _OWN = frozenset({"pip", "setuptools", "wheel"})
 """What an image has, or gets, of its own where it installs anything by pip."""
+
+_NOT_READ = {
+    str(NO_SANDBOX): f"are not read: {NOT_CLOSED}",
+    str(ELSEWHERE): "are not read: a link is in the folder's path",
+}
 
 
 class PipPackage(msgspec.Struct, frozen=True, kw_only=True):
@@ -43,13 +49,20 @@ def normal(name: str) -> str:
 
 
 def parse_installed(out: str, notes: Notes) -> tuple[PipPackage, ...]:
-    """Read `dist FOLDER`, NUL, two lines of METADATA, NUL, direct_url.json, NUL, and so on."""
+    """Read `dist FOLDER`, NUL, two lines of METADATA, NUL, direct_url.json, NUL, and so on.
+
+    A folder of packages that could not be read comes with no METADATA and with a status of `sandbox.py`.
+    """
     parts = out.split("\0")
     found: dict[str, PipPackage] = {}
     for at in range(0, len(parts) - 2, 3):
         if not parts[at].startswith("dist /"):
             break  # cut off in the middle
         folder = parts[at][5:]
+        if not folder.endswith(".dist-info"):
+            words = _NOT_READ.get(parts[at + 2], "cannot be read")
+            notes.lost(f"pip packages in {text(folder, length=120)}", words)
+            continue
         package = _package(folder, parts[at + 1], parts[at + 2], notes)
         if package is None:
             continue

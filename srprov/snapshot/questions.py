@@ -1,7 +1,9 @@
 """What every robot is asked first: commands of a shell that only read, each with an end, and GETs to its engine.
 
 Gives questions; `host.py` reads the answers. Pure: the commands are text. What may hold any byte comes as base64: names
-of files, and files themselves. Each answer has a longest length, so that a robot's whole answer has one too.
+of files, and files themselves. Each answer has a longest length, so that a robot's whole answer has one too. In folders
+that others than root may write, files are found by name alone, or read where these are closed off from the rest.
+
 Source: dpkg-query(1), apt's extended_states, PEP 376, PEP 610, os-release(5); Docker Engine API 1.41.
 """
 
@@ -9,6 +11,7 @@ from __future__ import annotations
 
 import msgspec
 
+from srprov.sandbox import sandboxed_there
 from srprov.wire import EngineQuery, Query, quote
 
 MOST_PACKAGES = 3 << 20
@@ -48,17 +51,27 @@ _STATES = f"head -c {MOST_STATES} /var/lib/apt/extended_states 2>/dev/null"
 _LISTS = "/etc/apt/sources.list /etc/apt/sources.list.d/*.list /etc/apt/sources.list.d/*.sources"
 _SOURCES = _coded(f"grep -D skip -sHa '' {_LISTS}\n:",
                   MOST_SOURCES)  # fmt: skip
-_METADATA = _coded(
-    "for d in /usr/local/lib/python3*/dist-packages /usr/local/lib/python3*/site-packages"
-    " /usr/lib/python3*/site-packages /usr/lib/python3/dist-packages /root/.local/lib/python3*/site-packages"
-    " /home/*/.local/lib/python3*/site-packages; do"
-    ' [ -L "$d" ] && continue; for i in "$d"/*.dist-info; do'
-    ' [ -f "$i/INSTALLER" ] && [ ! -L "$i" ] && [ ! -L "$i/INSTALLER" ] || continue;'
-    ' w=; IFS= read -r w <"$i/INSTALLER"; [ "$w" = pip ] || continue; printf \'dist %s\\0\' "$i";'
+_RECORDS = (
+    # a file with a second name may be somebody else's: of what was opened that is certain, of a name it is not
+    'for i in ./*.dist-info; do [ -f "$i/INSTALLER" ] && [ ! -L "$i" ] && [ ! -L "$i/INSTALLER" ] || continue;'
+    ' w=; IFS= read -r w <"$i/INSTALLER"; [ "$w" = pip ] || continue; printf \'dist %s\\0\' "$folder/${i#./}";'
     ' [ -f "$i/METADATA" ] && [ ! -L "$i/METADATA" ] &&'
-    " head -c 4096 \"$i/METADATA\" | grep -aE -m 2 '^(Name|Version): ' | head -c 400; printf '\\0';"
-    ' [ -f "$i/direct_url.json" ] && [ ! -L "$i/direct_url.json" ] && head -c 2048 "$i/direct_url.json";'
-    " printf '\\0'; done; done",
+    ' { [ "$(stat -c %h -)" = 1 ] && head -c 4096; } <"$i/METADATA" |'
+    " grep -aE -m 2 '^(Name|Version): ' | head -c 400; printf '\\0';"
+    ' [ -f "$i/direct_url.json" ] && [ ! -L "$i/direct_url.json" ] &&'
+    ' { [ "$(stat -c %h -)" = 1 ] && head -c 2048; } <"$i/direct_url.json";'
+    " printf '\\0'; done; :"
+)
+"""What pip left in the working folder, which the shell calls `$folder`."""
+# whoever may write in such a folder, or above it, chooses what its names lead to, up to the one that is root's
+_METADATA = _coded(
+    "for folder in /usr/local/lib/python3*/dist-packages /usr/local/lib/python3*/site-packages"
+    " /usr/lib/python3*/site-packages /usr/lib/python3/dist-packages /root/.local/lib/python3*/site-packages"
+    ' /home/*/.local/lib/python3*/site-packages; do [ -d "$folder" ] && [ ! -L "$folder" ] || continue;'
+    ' top=${folder%%/.local/lib/*}; [ "$top" != "$folder" ] || top=${folder%%/lib/*};'
+    ' real=$(realpath -e -- "$top"); root="$real${folder#"$top"}"; export folder;'
+    f" ( {sandboxed_there(_RECORDS)} ); how=$?;"
+    " [ $how = 0 ] || printf 'dist %s\\0\\0%s\\0' \"$folder\" $how; done; :",
     MOST_METADATA,
 )
 # a root that is not there makes find complain and end with 1

@@ -39,8 +39,12 @@ QUESTIONS = [
     Query(command=gitscript.script(gitscript.Found(folder="/home/a b/it's", uid=1000), root=True)),
     debian.policy_query(["tree", "g++"]),
     sources.origins_query(),
-    sources.keys_query(
-        [sources.Source("http://a/b", "c", key="/etc/apt/keyrings/a.gpg"), sources.Source("http://b", "c")]
+    *(
+        sources.keys_query(
+            [sources.Source("http://a/b", "c", key="/etc/apt/keyrings/a.gpg"), sources.Source("http://b", "c")],
+            root=root,
+        )
+        for root in (True, False)
     ),
 ]
 CONFINED = sh(*gitscript.confined(OF_ROOT, 5, root=True))
