@@ -16,7 +16,7 @@ field means is in `schemas/` and in docs/definitions.md.
     secrets, secretmodel, secretvalues  where secrets come from, and what they are
     formatting  EDFs and CDFs in one form
     starter     a new experiment
-    inventory, inifile, script, hostvars, ranges, patterns  the robots
+    inventory, inifile, script, hostvars, ranges, terms, patterns  the robots
     unseen      what in an inventory its reader does not see
 """
 

@@ -10,22 +10,18 @@ a group by position, `robots[0]` and `robots[1:3]`, `@failed`, or `@FILE`, a fil
 
 from __future__ import annotations
 
-import fnmatch
 import os
 import re
 from collections.abc import Callable, Collection, Sequence
 from shlex import quote
-from typing import Any
 
-from srprov import linear_regex, regular_file
+from srprov import regular_file
 from srprov.codes import Code
-from srprov.definitions import ranges
 from srprov.definitions.model import Inventory
 from srprov.definitions.named_links import refuse_link_out
+from srprov.definitions.terms import Terms, TooMuchError
 from srprov.errors import UsageError, did_you_mean
 from srprov.names import few
-
-_SUBSCRIPT = re.compile(r"(?P<name>.+)\[(?:(?P<one>-?[0-9]+)|(?P<first>[0-9]*)[:-](?P<last>[0-9]*))\]", re.ASCII)
 
 _MOST_BYTES = 256 << 10
 """Of a list of robots; the longest inventory has 10,000."""
@@ -60,14 +56,15 @@ def select(inventory: Inventory, pattern: str | Sequence[str], failed: Failed = 
     terms = _terms(text)
     plain = [term for term in terms if term[0] not in "&!"]
     picked: set[str] = set()
+    known = Terms(inventory)
     for term in plain or ["all"]:
-        picked |= _match(inventory, term, failed)
+        picked |= _match(inventory, known, term, failed)
     for term in terms:
         if term.startswith("&"):
-            picked &= _match(inventory, term[1:], failed)
+            picked &= _match(inventory, known, term[1:], failed)
     for term in terms:
         if term.startswith("!"):
-            picked -= _match(inventory, term[1:], failed)
+            picked -= _match(inventory, known, term[1:], failed)
     if not picked:
         raise UsageError(f"the pattern '{text}' matches no host", hint=_known(inventory), code=Code.NO_MATCH)
     return tuple(sorted(picked))
@@ -88,24 +85,27 @@ def _is_ipv6(text: str) -> bool:
     return text.count(":") > 1 and re.fullmatch(r"[&!]?[0-9a-fA-F:.]+", text) is not None
 
 
-def _match(
-    inventory: Inventory, term: str, failed: Failed = _no_run, compiled: Callable[[str], Any] = re.compile
-) -> set[str]:
-    """Return the hosts of one term without its sign.
-
-    Raises:
-        UsageError: There are none.
-    """
+def _match(inventory: Inventory, known: Terms, term: str, failed: Failed) -> set[str]:
     if term == FAILED:
         return _failed(inventory, failed())
     if term.startswith("@"):
         return _of_file(inventory, term[1:])
-    found = _find(inventory, term, compiled)
+    return _found(inventory, known, term)
+
+
+def _found(inventory: Inventory, known: Terms, term: str) -> set[str]:
+    """Return the hosts of one term that names no list.
+
+    Raises:
+        UsageError: There are none.
+        TooMuchError: It is too much with those before.
+    """
+    found = known.hosts(term)
     if not found:
         suggestion = did_you_mean(term, [*inventory.hosts, *inventory.groups])
         hint = f"{suggestion} {_known(inventory)}".lstrip()
         raise UsageError(f"'{term[:100]}' matches no host and no group", hint=hint, code=Code.NO_MATCH)
-    return set(found)
+    return found
 
 
 def _failed(inventory: Inventory, robots: Collection[str]) -> set[str]:
@@ -121,10 +121,34 @@ def _of_file(inventory: Inventory, name: str) -> set[str]:
 
     One that matches nothing is shown, so a project's link to a file of the user's is not followed, nor a further name.
     """
+    lines = _lines(name)
+    found: set[str] = set()
+    known = Terms(inventory, listed=True)
+    left = _MOST_PATTERNS
+    for line, number in lines.items():
+        if line.startswith("@"):
+            raise UsageError(f"'@{name}': a list of robots cannot name another: '{line[:100]}'", code=Code.OPTION_VALUE)
+        left -= line not in inventory.hosts and line not in inventory.groups
+        if left < 0:
+            message = f"'@{name}' has more than {_MOST_PATTERNS} lines that are no names of robots or groups"
+            raise UsageError(message, hint="name the robots themselves", code=Code.TOO_LARGE)
+        try:
+            found |= _found(inventory, known, line)
+        except TooMuchError:
+            message = f"'@{name}', line {number}: to look for all lines up to this one in this inventory takes too long"
+            hint = "name the robots themselves, or write fewer and shorter patterns"
+            raise UsageError(message, hint=hint, code=Code.TOO_LARGE) from None
+    if not found:
+        raise UsageError(f"'@{name}' names no robot", hint=_known(inventory), code=Code.NO_MATCH)
+    return found
+
+
+def _lines(name: str) -> dict[str, int]:
+    """Return what a list says, and on which line first."""
     refuse_link_out(name, "@", f"'@{name}': ")
     try:
         content, about = regular_file.read_with_status(name, _MOST_BYTES)
-        lines = dict.fromkeys(line.strip() for line in content.decode().split("\n"))
+        every = content.decode().split("\n")
     except (OSError, UnicodeDecodeError) as error:
         why = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         hint = f"'@FILE' is a file with one robot per line; '{FAILED}' are those that failed in the last run"
@@ -132,72 +156,11 @@ def _of_file(inventory: Inventory, name: str) -> set[str]:
     if regular_file.has_further_names(about) and not os.path.isabs(name):  # an archive may have given it this one
         hint = f"if you mean it, name its whole path: @{quote(os.path.abspath(name))}"
         raise UsageError(f"'@{name}' has another name (a hard link)", hint=hint, code=Code.STRANGE_FILE)
-    found: set[str] = set()
-    checked = linear_regex.Patterns()  # they may be a stranger's
-    left = _MOST_PATTERNS
-    for line in lines:
-        if line and line[0] not in "#@":
-            left -= line not in inventory.hosts and line not in inventory.groups
-            if left < 0:
-                message = f"'@{name}' has more than {_MOST_PATTERNS} lines that are no names of robots or groups"
-                raise UsageError(message, hint="name the robots themselves", code=Code.TOO_LARGE)
-            found |= _match(inventory, line, compiled=checked.compiled)
-        elif line.startswith("@"):
-            raise UsageError(f"'@{name}': a list of robots cannot name another: '{line[:100]}'", code=Code.OPTION_VALUE)
-    if not found:
-        raise UsageError(f"'@{name}' names no robot", hint=_known(inventory), code=Code.NO_MATCH)
-    return found
-
-
-def _find(inventory: Inventory, term: str, compiled: Callable[[str], Any]) -> list[str]:
-    if term.startswith("~"):
-        try:
-            regex = compiled(term[1:])
-        except (re.error, ValueError) as error:
-            raise UsageError(f"'{term[1:]}' is not a regular expression: {error}", code=Code.OPTION_VALUE) from None
-        return _named(inventory, lambda name: regex.match(name) is not None)
-    direct = _wildcard(inventory, term)
-    if direct:
-        return direct
-    match = _SUBSCRIPT.fullmatch(term)
-    base = _wildcard(inventory, match["name"]) if match is not None else []
-    if match is not None and base:
-        return _part(base, match)
-    try:
-        wanted = set(ranges.expand(term))
-    except ValueError as error:
-        raise UsageError(str(error), code=Code.OPTION_VALUE) from None
-    return [name for name in inventory.hosts if name in wanted]
-
-
-def _wildcard(inventory: Inventory, term: str) -> list[str]:
-    if term in ("all", "*"):
-        return sorted(inventory.hosts)
-    if term in inventory.hosts or term in inventory.groups:
-        return sorted({term} & set(inventory.hosts) | set(inventory.groups.get(term, ())))
-    if "[" in term or not set("*?") & set(term):
-        return []
-    return _named(inventory, lambda name: fnmatch.fnmatchcase(name, term))
-
-
-def _named(inventory: Inventory, fits: object) -> list[str]:
-    assert callable(fits)
-    groups = [
-        host
-        for name, hosts in inventory.groups.items()
-        if name not in ("all", "ungrouped") and fits(name)
-        for host in hosts
-    ]
-    return sorted({*groups, *(name for name in inventory.hosts if fits(name))})
-
-
-def _part(hosts: list[str], match: re.Match[str]) -> list[str]:
-    """Return one host of a group by position, or a stretch, whose end counts too."""
-    if match["one"] is not None:
-        index = int(match["one"])
-        return hosts[index : index + 1 or None] if -len(hosts) <= index < len(hosts) else []
-    last = int(match["last"]) + 1 if match["last"] else None
-    return hosts[int(match["first"] or 0) : last]
+    lines: dict[str, int] = {}
+    for number, line in enumerate(map(str.strip, every), 1):
+        if line and not line.startswith("#"):
+            lines.setdefault(line, number)
+    return lines
 
 
 def _known(inventory: Inventory) -> str:
