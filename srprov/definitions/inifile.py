@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 import re
+import warnings
 
 from srprov.codes import Code
 from srprov.definitions import words
@@ -117,7 +118,12 @@ def _value(place: Scalar, tree: HostTree) -> Node:
     if not tree.has_room_for_literal(place, len(place.text)):
         return place
     try:
-        literal = ast.literal_eval(place.text)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of a backslash before what needs none: they are for whoever wrote it
+            literal = ast.literal_eval(place.text)
         return nodes.from_json(literal, place.source, place.line, place.column)
+    except nodes.HalfCharacterError as error:
+        tree.findings.add(place, str(error), code=Code.INVENTORY)
+        return place
     except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError):  # TypeError: a list as a key of a map
         return place

@@ -23,6 +23,7 @@ _NULL = {"", "~", "null", "Null", "NULL"}
 _INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]*)|0x[0-9a-fA-F]+|0o[0-7]+", re.ASCII)
 _NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?", re.ASCII)
 _SECRET = re.compile(r"pass|secret|token|credential|api_?key", re.IGNORECASE)
+_HALF = re.compile("[\ud800-\udfff]")
 _LONGEST_NUMBER = 40
 """Longer digits are no sensible figure, and Python refuses to read very long ones."""
 LARGEST_INTEGER = 2**63 - 1
@@ -216,11 +217,15 @@ class Findings:
         return list(self._found)
 
 
+class HalfCharacterError(ValueError):
+    """A text has half of a surrogate pair, which no file or command can."""
+
+
 def from_json(value: object, source: Source, line: int = 1, column: int = 1) -> Node:
     """Return nodes for a JSON value (an executable inventory's answer), all at one place.
 
     Raises:
-        ValueError: It is nested too deeply, or holds what JSON cannot.
+        ValueError: It is nested too deeply, or holds what JSON cannot; as HalfCharacterError, what YAML cannot.
     """
     return _from_json(value, source, line, column, 0)
 
@@ -229,12 +234,15 @@ def _from_json(value: object, source: Source, line: int, column: int, depth: int
     if depth > 60:
         raise ValueError("nested too deeply")
     if isinstance(value, dict):
-        entries = {str(key): _from_json(item, source, line, column, depth + 1) for key, item in value.items()}
+        entries = {_whole(str(key)): _from_json(item, source, line, column, depth + 1) for key, item in value.items()}
         return Map(source, line, column, entries, {key: Scalar(source, line, column, key) for key in entries})
     if isinstance(value, list | tuple | set):
         return Seq(source, line, column, tuple(_from_json(item, source, line, column, depth + 1) for item in value))
-    if isinstance(value, str):
-        return Scalar(source, line, column, value, plain=False)
-    if value is None or isinstance(value, bool):
-        return Scalar(source, line, column, "null" if value is None else str(value).lower())
-    return Scalar(source, line, column, str(value))
+    text = "null" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
+    return Scalar(source, line, column, _whole(text), plain=not isinstance(value, str))
+
+
+def _whole(text: str) -> str:
+    if _HALF.search(text):
+        raise HalfCharacterError("a text has half a character, which is no UTF-8")
+    return text

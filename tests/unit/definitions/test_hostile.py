@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -144,3 +145,33 @@ def test_many_robots_load_quickly(tmp_path: Path) -> None:
     (tmp_path / "i.yml").write_text(f"robots:\n  vars: {{ansible_user: x}}\n  hosts:\n{hosts}")
     with within(5):
         assert len(load_inventory([tmp_path / "i.yml"]).hosts) == 1000
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "place"),
+    [
+        ("h.ini", "[g]\na\n[g:vars]\nansible_ssh_private_key_file='/x/\\ud800'\n", (4, 30)),
+        ("h.ini", "a srprov_tags=\"['\\ud800']\"\n", (1, 15)),
+        ("h.ini", "a x=\"{'\\udfff': 1}\"\n", (1, 5)),
+        ("h.sh", """#!/bin/sh\necho '{"g": {"hosts": ["a"], "vars": {"x": "\\ud800"}}}'\n""", (1, 1)),
+    ],
+)
+def test_half_a_character_is_refused_where_it_stands(
+    tmp_path: Path, name: str, text: str, place: tuple[int, int]
+) -> None:
+    """No path or command can hold one."""
+    path = tmp_path / name
+    path.write_text(text)
+    path.chmod(0o700 if name == "h.sh" else 0o600)
+    with pytest.raises(DefinitionError) as refused:
+        load_inventory([path])
+    (found,) = refused.value.problems
+    assert (found.location.line, found.location.column) == place and "half a character" in found.message
+
+
+def test_a_whole_pair_is_a_character_and_a_backslash_makes_python_warn_of_nothing(tmp_path: Path) -> None:
+    (tmp_path / "h.ini").write_text("a srprov_tags=\"['\\U0001f916', 'q\\q']\"\n")
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        inventory = load_inventory([tmp_path / "h.ini"])
+    assert inventory.hosts["a"].tags == ("\U0001f916", "q\\q") and not warned
