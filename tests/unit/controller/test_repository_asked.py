@@ -14,6 +14,7 @@ import pytest
 from srprov.controller.input_commit import source_commit
 from srprov.controller.input_files import InputFile
 from srprov.git import lent, program
+from tests.bounded import within
 from tests.unit.controller.test_input_commit import committed, planned
 
 NOBODY = 65534
@@ -128,6 +129,30 @@ def test_git_gets_loose_objects_and_packs_and_no_list_that_names_other_files(tmp
     (objects / "pack/multi-pack-index").write_bytes(b"MIDX" + b"\xff" * 100)
     told = source_commit(planned(tmp_path / "nav"), {"x.edf": InputFile(content=b"edf: 1\n")})
     assert told is not None and told["commit"] == commit
+
+
+def test_a_repository_of_very_many_packs_is_refused_in_time(tmp_path: Path) -> None:
+    """Each was linked, and the links removed, while the record of a run waited."""
+    commit = committed(tmp_path / "nav")
+    packs = tmp_path / "nav/.git/objects/pack"
+
+    def add(numbers: range) -> None:
+        for number in numbers:
+            (packs / f"pack-{number:040x}.pack").touch()
+            (packs / f"pack-{number:040x}.idx").touch()
+
+    add(range(1000))
+    with lent.repository(commit, str(packs.parent)) as folder:
+        links = [one.path for one in os.scandir(f"{folder}/objects/pack")]
+        assert len(links) == 2000 and all(map(os.path.exists, links))
+        assert max(len(os.readlink(one)) for one in links) < 60  # ext4 keeps those in the inode
+    add(range(1000, 5000))
+    many = str(packs.parent)
+    with within(1), pytest.raises(OSError, match="more than 2000 names of packs"), lent.repository(commit, many):
+        pass
+    with within(1):
+        told = source_commit(planned(tmp_path / "nav"), {})
+    assert told is not None and told["commit"] is None and "cannot list" in told["problem"]
 
 
 def test_names_of_objects_may_be_of_the_longer_kind(tmp_path: Path) -> None:
