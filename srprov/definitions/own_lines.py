@@ -12,7 +12,7 @@ import functools
 import os
 from collections.abc import Collection
 
-from srprov import regular_file, secret_files
+from srprov import own_records, regular_file, secret_files
 from srprov.codes import Code
 from srprov.definitions.own_content import LARGEST, is_own
 from srprov.definitions.version_control import is_kept
@@ -41,16 +41,22 @@ def hide_own(problems: Collection[Diagnostic], named: str, folder: str) -> list[
 
 
 def is_users_own(file: str, root: str, secrets: Collection[str]) -> bool:
-    """Return whether a file is the user's own, by whatever name: version control keeps it, or a secret is in it.
+    """Return whether a file is the user's own, whatever names it: a secret's, version control's, or of a record.
+
+    So is one by what is in it. All that reads, copies or quotes what a stranger's file names asks this. Who ships what
+    lies in a folder leaves version control out, and tells which record it is (`own_files`); who copies, and has keys
+    known by their content afterwards, asks only for what is known by its place (`record_around`).
 
     Args:
         file: Its path.
-        root: What version control keeps below it counts; a path without links.
+        root: What version control keeps below it counts, and records below it do; a path without links.
         secrets: Files that secrets were read from.
     """
     with contextlib.suppress(OSError, ValueError):  # who reads it said so
         real = os.path.realpath(file)
         if os.path.isfile(real):
+            if own_records.record_around(os.path.dirname(real), root):
+                return True
             if regular_file.is_one_of(real, secrets) or is_kept(real, root):
                 return True
             return is_own(regular_file.read(real, LARGEST))
@@ -58,6 +64,7 @@ def is_users_own(file: str, root: str, secrets: Collection[str]) -> bool:
 
 
 def _hidden(file: str) -> Diagnostic:
-    message = "is not valid; what is wrong is not shown of a file that is kept by version control, or has a key, a"
+    message = "is not valid; what is wrong is not shown of a file that is kept by version control, lies in a record or"
+    message += " among an export's secrets, or has a key, a secret or a password of robots"
     hint = "name another file, or look at it yourself"
-    return Diagnostic(Location(file), f"{message} secret or a password of robots", hint=hint, code=Code.OUTSIDE)
+    return Diagnostic(Location(file), message, hint=hint, code=Code.OUTSIDE)

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import TypeAlias
 
-from srprov import regular_file
+from srprov import own_records, regular_file
 from srprov.definitions.homes import homes_in
 from srprov.definitions.model import VERSION_CONTROL, VERSION_CONTROL_IN_ANY_CASE
 from srprov.yamldoc.allowance import current
@@ -52,8 +52,9 @@ def is_from_elsewhere(about: os.stat_result, root: str, names: Callable[[str], N
 
 
 def names_in(root: str) -> Names:
-    """Return how many names each file with several has in a folder, without what version control keeps there.
+    """Return how many names each file with several has in a folder, without what is its user's there.
 
+    That is what version control keeps, and what lies in a record: who unpacks an archive may have those there, too.
     Files are known as the kernel knows them. One that is not there has none. In a folder that is a home, or holds one,
     no name is its own: what an archive that was unpacked there gave another one lies there, too.
     """
@@ -62,12 +63,16 @@ def names_in(root: str) -> Names:
     if root not in known:
         known[root] = found = Counter[tuple[int, int]]()
         for parent, folders, files in () if homes_in(root) else regular_file.walk(root):
-            folders[:] = [one for one in folders if one.casefold() not in VERSION_CONTROL_IN_ANY_CASE]
+            folders[:] = [one for one in folders if not _is_users(parent, one)]
             own = (one for one in files if one.casefold() not in VERSION_CONTROL_IN_ANY_CASE)
             for about in (_status(os.path.join(parent, one)) for one in own):
                 if about and regular_file.has_further_names(about):
                     found[about.st_dev, about.st_ino] += 1
     return known[root]
+
+
+def _is_users(parent: str, folder: str) -> bool:
+    return folder.casefold() in VERSION_CONTROL_IN_ANY_CASE or own_records.is_record(os.path.join(parent, folder))
 
 
 def _status(path: str) -> os.stat_result | None:

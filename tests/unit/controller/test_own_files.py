@@ -219,6 +219,16 @@ def test_secrets_of_an_export_beside_an_edf_are_asked_for(here: Path) -> None:
         assert sorted({path for _, path in asked()} - {"inventory.yml"}) == wanted, ships
 
 
+def test_a_second_name_of_what_an_export_keeps_secret_is_asked_for(here: Path) -> None:
+    """An archive makes one where it is unpacked beside the export: both names lie in the experiment's folder then."""
+    (here / "out").mkdir()
+    (here / "out/.gitignore").write_text(KEPT_OUT)
+    (here / "out/db").write_text("hunter2")
+    os.link("out/db", "parts/map")
+    Path("e.edf").write_text(EDF.replace("SHIPS", 'volumes: ["./parts:/ws"]').replace("MORE", ""))
+    assert asked() == [("a", "parts/map")]
+
+
 def test_an_experiment_that_lies_in_a_record_has_its_files(here: Path) -> None:
     """As in a bundle that was unpacked, and where a placement is worked out again."""
     edf = write_experiment(here / "results/sessions/1/inputs")
