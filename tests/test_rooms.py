@@ -136,7 +136,8 @@ ROOMS: Mapping[str, Room] = {
     "importing": room("codes errors private regular_file untrusted image_reference linear_regex yamldoc definitions"),
     # A Compose project in its normal form -> the folder of an experiment.
     "conversion": room(
-        "believed codes errors names private published regular_file tree_links trees yamldoc definitions importing"
+        "believed codes errors names own_records private published regular_file tree_links trees yamldoc definitions"
+        " importing"
     ),
     # Compose files of an experiment: as values, but for the one file that writes them into a folder.
     "exporting": room(

@@ -12,6 +12,7 @@ from typing import Any
 from srprov import regular_file
 from srprov.conversion.kept import Kept
 from srprov.conversion.project import WRITTEN, Project
+from srprov.conversion.withheld import is_withheld
 from srprov.definitions import dockerfile
 from srprov.definitions.model import NO_REGISTRY
 from srprov.importing.position import Path
@@ -70,7 +71,7 @@ def _context_place(context: str, project: Project, path: Path) -> str:
     place = project.place(context)
     if place and os.path.isdir(project.path(context)):
         return place
-    what, hint = project.outside(context, path), project.elsewhere
+    what, hint = project.outside(context, path), project.elsewhere(context)
     if place:
         what, hint = "is no folder", "copy it beside the Compose file"
     project.notes.refused(path, f"'{context[:80]}' {what}", hint)
@@ -92,7 +93,10 @@ def _text(
     place = project.take(source)
     if not place:
         why = f"'{named[:80]}' {project.outside(os.path.join(context, named), (*path, 'dockerfile'))}"
-        project.notes.refused((*path, "dockerfile"), why, project.elsewhere)
+        project.notes.refused((*path, "dockerfile"), why, project.elsewhere(source))
+        return None
+    if is_withheld(os.path.realpath(source), project.making.withheld):
+        project.notes.refused((*path, "dockerfile"), f"'{named[:80]}' is the file of a secret", "name another file")
         return None
     found["dockerfile"] = os.path.relpath(place, found["context"])
     try:

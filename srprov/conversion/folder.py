@@ -16,7 +16,7 @@ from collections.abc import Collection, Sequence
 
 from msgspec.structs import replace
 
-from srprov import __version__, believed, regular_file, trees
+from srprov import __version__, believed, own_records, regular_file, trees
 from srprov.codes import Code
 from srprov.conversion.experiment import Draft
 from srprov.conversion.report import as_markdown
@@ -138,7 +138,7 @@ class _Copying:
         """Files, folders and links."""
 
     def take(self, source: str, place: str) -> None:
-        """Copy a file, or a folder with all below it, to its place in the tree.
+        """Copy a file, or a folder with all below it but for records, to its place in the tree.
 
         Raises:
             OSError: It cannot be read, or is too much.
@@ -146,6 +146,8 @@ class _Copying:
         if is_withheld(source, self.withheld):  # a secret is in it, or in a folder that holds it
             return
         if os.path.isdir(source):
+            if source not in self.folders and own_records.is_record(source):
+                return  # a project can call its marks secrets, and what is known by them were copied without
             if place.count("/") > _DEEPEST:
                 raise OSError(errno.ELOOP, f"more than {_DEEPEST} folders lie in each other", source)
             self._count()

@@ -103,7 +103,7 @@ def _shipped(entry: Mapping[str, Any], name: str, path: Path, project: Project) 
         return ""
     place = project.place(source)
     if not place or not os.path.exists(project.path(source)):
-        what, hint = project.outside(source, (*path, "file")), project.elsewhere
+        what, hint = project.outside(source, (*path, "file")), project.elsewhere(source)
         if place:
             what, hint = "does not exist", ""
         project.notes.refused((*path, "file"), f"'{source[:80]}' {what}", hint)

@@ -137,7 +137,7 @@ def _bind(
         return _absolute(source, one, project, path)
     if not project.place(source):
         why = f"'{source[:80]}' {project.outside(source, at)}"
-        project.notes.refused(path, why, project.elsewhere)
+        project.notes.refused(path, why, project.elsewhere(source))
         return None
     if one.get("read_only") or os.path.isfile(project.path(source)):
         return _shipped(source, one, project, path)

@@ -16,13 +16,13 @@ from typing import Any
 
 import msgspec
 
-from srprov import names
+from srprov import names, own_records
 from srprov.codes import Code
 from srprov.conversion.notes import Notes
 from srprov.conversion.subnets import Subnets
 from srprov.definitions.paths import belongs
 from srprov.errors import UsageError
-from srprov.importing.compose.folders import led_away
+from srprov.importing.compose.folders import innermost, led_away
 from srprov.importing.compose.source import HINT
 from srprov.importing.normal import Normal
 from srprov.importing.position import Path
@@ -128,13 +128,16 @@ class Project:
         """Return the absolute path of what is written relative to the project's folder."""
         return os.path.normpath(os.path.join(self.machine.folders[0], written))
 
-    @property
-    def elsewhere(self) -> str:
-        """The hint for what lies outside of the folder of the file that says so."""
+    def elsewhere(self, source: str) -> str:
+        """Return the hint for a path that `place` does not have."""
+        if self._record(source):
+            return "put a copy of what is meant into another folder, if whoever gets the experiment may have it"
         return HINT if self.notes.normal.home else "copy it there"
 
     def outside(self, source: str, at: Path) -> str:
         """Return what is said of a path that `place` does not have: where it leads, if not from beside its file."""
+        if record := self._record(source):
+            return f"lies in {record[-200:]}, srprov's own record, or what an export keeps secrets in: it is not copied"
         path, file = self.path(source), self.notes.normal.position_of(at).file
         beside = os.path.normpath(os.path.join(os.path.realpath(os.path.dirname(file)), source))
         is_moved = bool(self.notes.normal.home) and path != beside
@@ -150,15 +153,27 @@ class Project:
         """Return where a file or folder goes in the experiment that a file names.
 
         Empty when it lies outside of the folder of which the files may name others, or in what version control keeps
-        there, such as tokens.
+        there, such as tokens, or in a record: nobody knows again what lies there, once it is copied.
         """
-        real, home = os.path.realpath(self.path(source)), self.notes.normal.home
-        folders = (home,) if home else self.machine.folders
-        if not any(belongs(real, one) for one in folders) or led_away(self.path(source), self.machine.folders):
+        real = os.path.realpath(self.path(source))
+        if not any(belongs(real, one) for one in self._folders) or led_away(self.path(source), self.machine.folders):
+            return ""
+        if self._record(source):
             return ""
         below = os.path.relpath(real, self.base)
         first = [FILES, *([self.making.word(self.machine.robot)] if self.machine.robot else [])]
         return os.path.normpath(os.path.join(*first, below))
+
+    @property
+    def _folders(self) -> tuple[str, ...]:
+        """The folders of which the files may name what lies there; real paths."""
+        return (self.notes.normal.home,) if self.notes.normal.home else self.machine.folders
+
+    def _record(self, source: str) -> str:
+        """Return the record in which a path lies, or which it is, below those folders; or nothing."""
+        real = os.path.realpath(self.path(source))
+        home = innermost(self._folders, real)
+        return own_records.record_around(real, home) if home else ""
 
     def take(self, source: str) -> str:
         """Have a file or folder copied into the experiment, and return its path there; empty when it lies outside."""

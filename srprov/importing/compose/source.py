@@ -10,9 +10,8 @@ import shlex
 from collections.abc import Collection
 from dataclasses import dataclass, field
 
-from srprov import regular_file
 from srprov.codes import Code
-from srprov.definitions.own_content import is_own
+from srprov.definitions.own_lines import is_users_own
 from srprov.definitions.paths import belongs
 from srprov.errors import DefinitionError, Diagnostic
 from srprov.importing.compose.folders import apart, led_away
@@ -41,6 +40,8 @@ class Reading:
     """They may lie anywhere below it: it is the folder of a whole project, as the user says."""
     own: frozenset[str] = frozenset()
     """Real paths of files that secrets were read from on this machine: their values are put into nothing else."""
+    judged: dict[str, bool] = field(default_factory=dict)
+    """Whether what a file names is the user's own, by its real path."""
     count: int = 0
     of_variables: int = 0
     texts: dict[str, str] = field(default_factory=dict)
@@ -91,12 +92,15 @@ class Reading:
     def text(self, path: str, shown: str, named: Value | None) -> str:
         """Return a file's text; `named` is where a file names it, None for one that the user named.
 
+        A file names none that is the user's own: nobody knows again what of it is in an experiment, or is quoted.
+
         Raises:
             Refused: It cannot be read, or must not be.
         """
         try:
             real = os.path.realpath(path) if named is None else self.inside(path, named)
             if named is not None:
+                self._refuse_own(real, shown, named)
                 self.named.append(Named(real, str(named.data), named.at))
             if real not in self.texts:
                 self.one_more(named.at if named else Position(shown))
@@ -110,9 +114,7 @@ class Reading:
             raise _at(error, named) from None
 
     def variables(self, path: str, shown: str, named: Value | None) -> str:
-        """Return the text of a file of variables, as `text` does; a file names none that is the user's own.
-
-        Its values would be in the experiment under whatever names, where nobody knows them again.
+        """Return the text of a file of variables, as `text` does.
 
         Raises:
             Refused: It cannot be read, or must not be.
@@ -124,11 +126,16 @@ class Reading:
             if before and self.of_variables > MOST_OF_VARIABLES:
                 message = "what files of variables say, as often as services name them, is more than a project has"
                 raise Refused([Diagnostic(named.at, message, code=Code.TOO_LARGE)])
-        if named is not None and (regular_file.is_one_of(os.path.realpath(path), self.own) or is_own(text.encode())):
-            message = f"'{named.data}' holds a password of robots, a key or a secret, and no file may have it read"
-            hint = f"if you mean its variables, name it yourself: --env-file {shlex.quote(shown)}"
-            raise Refused([Diagnostic(named.at, message, hint=hint, code=Code.OUTSIDE)])
         return text
+
+    def _refuse_own(self, real: str, shown: str, named: Value) -> None:
+        if real not in self.judged:
+            self.judged[real] = is_users_own(real, self.home, self.own)
+        if self.judged[real]:
+            what = "holds a password of robots, a key or a secret, or lies in a record of srprov's own"
+            hint = f"if you mean its variables, name it yourself: --env-file {shlex.quote(shown)}"
+            message = f"'{named.data}' {what}, and no file may have it read"
+            raise Refused([Diagnostic(named.at, message, hint=hint, code=Code.OUTSIDE)])
 
     def one_more(self, at: Position) -> None:
         """Count a file, or a project that is included.
