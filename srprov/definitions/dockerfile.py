@@ -157,8 +157,7 @@ def fetches(text: str) -> tuple[str, ...]:
 
 def _readings(text: str) -> Iterator[list[str]]:
     """Yield the instructions, one a line, as each builder may join them."""
-    for joint in _JOINTS:
-        yield [f"{word} {rest}" for _, word, rest in instructions(text, joint)]
+    return ([f"{word} {rest}" for _, word, rest in instructions(text, joint)] for joint in _JOINTS)
 
 
 def check(text: str, shown: str) -> list[Diagnostic]:
@@ -199,13 +198,12 @@ def _wrong_bases(text: str, shown: str) -> list[Diagnostic]:
 def unclear(text: str) -> tuple[int, str] | None:
     """Return the first line that Docker may read otherwise than srprov does, and why; None where both read the same.
 
-    Docker takes quotes and escapes out of options and arguments, ends lines at line feeds only, and takes other
-    characters for blanks than others do.
+    Docker takes quotes and escapes out of words, ends lines at line feeds only, and has other blanks than others.
     """
     if more := dockerwords.beyond(text.count("\n"), (number for number, *_ in instructions(text))):
         return more
-    last = 0, ""
-    for number, line in enumerate(text.removeprefix("\ufeff").replace("\r\n", "\n").split("\n"), 1):
+    last, lines = (0, ""), text.removeprefix("\ufeff").replace("\r\n", "\n").split("\n")
+    for number, line in enumerate(lines, 1):
         last = last if line.strip(" \t")[:1] in ("", "#") else (number, line.rstrip(" \t"))
         if strange := _STRANGE.search(line):
             return number, f"it holds the character U+{ord(strange[0]):04X}"
@@ -223,8 +221,10 @@ def unclear(text: str) -> tuple[int, str] | None:
         return number, "a proxy before FROM is no part of what a builder knows a layer by; write it below"
     for number, instruction, words in instructions(text):
         word, rest = dockerwords.triggered(instruction, words)
-        if word not in dockerwords.KNOWN:
+        if word not in (dockerwords.TRIGGERED if instruction == "ONBUILD" and words else dockerwords.KNOWN):
             return number, "it begins with no instruction that builders know"
+        if dockerwords.is_split(instruction, lines[number - 1]):
+            return number, "the word of its instruction goes on in another line"
         if word in ("RUN", "COPY", "ADD") and not dockerwords.is_list(rest) and heredoc.may_begin(rest):
             return number, "it may begin a here-document, which the engine's builder does not know"
         if word == "RUN" and dockerwords.is_builders_own(rest):

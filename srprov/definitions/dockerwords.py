@@ -18,6 +18,8 @@ KNOWN = frozenset(
      "ONBUILD", "RUN", "SHELL", "STOPSIGNAL", "USER", "VOLUME", "WORKDIR"}
 )  # fmt: skip
 """Instructions; another one may be the text of a line before."""
+TRIGGERED = KNOWN - {"FROM", "MAINTAINER", "ONBUILD"}
+"""Those that builders take behind ONBUILD."""
 STAGE = re.compile("[a-z][a-z0-9_.-]*", re.IGNORECASE | re.ASCII)
 """A stage's name as builders take it: no image of an experiment has one. Source: buildkit, instructions/parse.go."""
 _MOST_LINES, _MOST_INSTRUCTIONS = 5000, 1000
@@ -32,12 +34,17 @@ def beyond(lines: int, begins: Iterable[int]) -> tuple[int, str] | None:
     return (more, f"no more than {_MOST_INSTRUCTIONS} instructions are read") if more else None
 
 
+def is_split(instruction: str, line: str) -> bool:
+    """Return whether the word of an instruction goes on in another line than its first one."""
+    return line.lstrip(" \t")[: len(instruction) + 1].upper().rstrip(" \t\\") != instruction
+
+
 def triggered(instruction: str, words: str) -> tuple[str, str]:
-    """Return an instruction and its words; of ONBUILD those behind it."""
-    while instruction == "ONBUILD" and words:
-        first, *others = words.split(None, 1)
-        instruction, words = first.upper(), " ".join(others)
-    return instruction, words
+    """Return an instruction and its words; of ONBUILD those behind it, of which builders take one that is none."""
+    if instruction != "ONBUILD" or not words:
+        return instruction, words
+    first, *others = words.split(None, 1)
+    return first.upper(), " ".join(others)
 
 
 def is_list(words: str) -> bool:

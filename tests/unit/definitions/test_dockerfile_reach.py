@@ -126,12 +126,27 @@ UNCLEAR = [
     "FROM a\nRUN true || echo $(( <<E ))\nFROM a AS srprov/victim:1\nE\nFROM a\nCOPY --from=srprov/victim:1 /x /x\n",
     "FROM a\nRUN echo $((1\t<<E))\nENV A=1\n",
     "FROM a\nCOPY $((\t<<E\t)) /x\nE",
+    # quotes within a variable within quotes: the text's `RUN x` ends a here-document for a builder
+    "FROM a\nRUN RUN() { :; } # \"${X:-'\"'}\" '\"' <<'RUN x \\' '\"' \"${X:-'\"'}\"\nRUN x \\\nFROM \\\nb\nRUN y\n",
+    'FROM a\nRUN : "${X:-"\'"}" <<E "${X:-"\'"}"\n',
+    "FROM a\nRUN ${X:-${Y}<}${X:-${Y}<}E '<<'\n",
+    "FROM a\nRUN : <${X:- }<E\n",
+    "FROM a\nRUN : <$X<E\n",
+    'FROM a\nRUN : <""<E\n',
+    "FROM a\nRUN : \\<\\<E\n",
+    'FROM a\nRUN : "a << b"\n',
     # what hides a FROM hides it as one of these
     "FROM a AS srprov/victim:1\n",
     "FROM a as Evil/Base:1\nFROM evil/base:1\n",
     "FROM a AS 0\n",
     "FROM a\nE\n",
     "FROM a\nONBUILD E x\n",
+    "FROM a\nONBUILD ONBUILD RUN x\n",
+    "FROM a\nONBUILD FROM b\n",
+    f"FROM a\n{'ONBUILD ' * 3000}RUN x\n",
+    # the mark of a build stands behind each FROM
+    "FR\\\nOM a\n",
+    "FROM a\n\tR\\\nUN x\n",
     # an old builder goes on there: the last line is an image's then
     "FROM a\nRUN echo \\\\\nFROM a AS b\n\nFROM b\n",
     "FROM a\nRUN echo \\\\\\ \t\nFROM a AS b\nFROM b\n",
@@ -204,7 +219,8 @@ def test_what_docker_may_read_otherwise_is_refused_at_its_line(text: str) -> Non
     [
         'ARG TAG=1\nFROM --platform=$BUILDPLATFORM debian:${TAG} AS b\nRUN "a\\\\b" \\\n  x\nCOPY --from=b "a b" /x\n',
         'FROM a\r\nCOPY --chown=$U:$G ["a b", "/x/"]\r\nADD \\\r\n  ["a b", "/x"]\r\n',
-        'FROM a\nRUN echo $((1<<2)) "a << b" \'<<\' && cat <<< "$x"\nRUN ["sh", "-c", "cat <<E\\n1\\nE"]\nRUN cat <a\n',
+        'FROM a\nRUN echo $((1<<2)) && cat <<< "$x" < b\nRUN ["sh", "-c", "cat <<E\\n1\\nE"]\nRUN cat <a $B && <b $C\n',
+        "FROM a\n\trun\\\n  x < ${A} && y 2>&1\nONBUILD RUN cat < a > b\nHEALTHCHECK NONE\n",
         '\ufeffFROM a\nENV A=\'1\' B="\u00a02"\nADD $WHERE /x\nRUN `x`\n# "copy" it\n',
     ],
 )
