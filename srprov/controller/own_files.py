@@ -56,7 +56,7 @@ def asked_for(definitions: Definitions, inventory: Inventory) -> Definitions:
         found |= {(service.name, path) for top in _tops(service, cdf) for path in own.below(top)}
         if cdf and cdf.dockerfile:
             context = cdf.context or os.path.dirname(cdf.dockerfile)
-            found |= {(service.name, path) for path in own.in_context(context)}
+            found |= {(service.name, path) for path in (*own.in_context(context), *own.read(cdf.dockerfile))}
     outside = tuple(sorted({*experiment.outside, *((name, in_words(path)) for name, path in found)}))
     return replace(definitions, experiment=replace(experiment, outside=outside))
 
@@ -110,6 +110,7 @@ class _Own:
         self._record = functools.cache(lambda folder: record_of(folder, self.folder, is_one))
         # many services may name one folder
         self.below, self.in_context = functools.cache(self._below), functools.cache(self._in_context)
+        self.read = functools.cache(self._read)
 
     def has(self, path: str) -> bool:
         """Return whether a file is one, a copy of one, a private key, or has a password of robots."""
@@ -141,8 +142,17 @@ class _Own:
         return ()
 
     def _in_context(self, folder: str) -> tuple[str, ...]:
-        """Return those in a build's context, but for what its `.dockerignore` leaves out."""
+        """Return those in a build's context, but for what its `.dockerignore` leaves out; and that one itself.
+
+        It may leave itself out. What is in the image tells of its lines nevertheless, and so does what is said of them.
+        """
+        found = self.read(f"{folder}/.dockerignore")
         with contextlib.suppress(OSError, ValueError):  # it is told when the image is planned
             files = [one for one in folder_items(folder, disk.listing, disk.read) if one.link is None]
-            return tuple(self.among(f"{folder}/{one.path}" for one in files))
-        return ()
+            found += tuple(self.among(f"{folder}/{one.path}" for one in files))
+        return found
+
+    def _read(self, path: str) -> tuple[str, ...]:
+        """Return what is asked for of a file that a build reads, shipped or not; no link is followed."""
+        is_file = os.path.isfile(path) and not os.path.islink(path)
+        return tuple(self.among((path,))) if is_file else ()
