@@ -64,7 +64,7 @@ def build(
 
     if show:
         found = read_definitions(file, request.allowed, request.profiles, locked=locked)
-        return _show(found, services, request, as_json=as_json)
+        return _show(found, services, request, inventories, as_json=as_json)
     if not inventories:
         raise UsageError(
             "which robots?", hint="name the inventory with -i, or look at the Dockerfiles with --show", code=Code.WHICH
@@ -95,13 +95,18 @@ def build(
         )
 
 
-def _show(definitions: Definitions, services: tuple[str, ...], request: PlanRequest, *, as_json: bool) -> int:
+def _show(
+    definitions: Definitions, services: tuple[str, ...], request: PlanRequest, inventories: tuple[str, ...], *,
+    as_json: bool,
+) -> int:  # fmt: skip
     """Print the Dockerfiles of an experiment."""
     from srprov.controller.dockerfiles import dockerfiles
+    from srprov.controller.own_files import NO_ROBOTS
 
     if as_json:
         raise UsageError("--show prints Dockerfiles, not JSON", hint="leave --json out", code=Code.OPTIONS)
-    out("\n\n".join(dockerfiles(definitions, services, request.allowed)))
+    inventory = inputs.load_inventory(inventories) if inventories else NO_ROBOTS
+    out("\n\n".join(dockerfiles(definitions, services, request.allowed, inventory)))
     return 0
 
 

@@ -8,9 +8,10 @@ from collections.abc import Collection, Mapping, Sequence
 from srprov import disk
 from srprov.codes import Code
 from srprov.controller.image_plans import plan_images
+from srprov.controller.own_files import NO_ROBOTS, asked_for
 from srprov.controller.permissions import permit_planning
 from srprov.definitions.containermodel import ContainerDefinition
-from srprov.definitions.model import Definitions
+from srprov.definitions.model import Definitions, Inventory
 from srprov.errors import DefinitionError, UsageError, visible
 from srprov.git_address import is_commit
 from srprov.images.plan import Checkout, ImagePlan
@@ -18,16 +19,20 @@ from srprov.images.tag import plan_image
 from srprov.planning.policy import permissions
 
 
-def dockerfiles(definitions: Definitions, services: Collection[str], allowed: Collection[str]) -> list[str]:
+def dockerfiles(
+    definitions: Definitions, services: Collection[str], allowed: Collection[str], inventory: Inventory = NO_ROBOTS
+) -> list[str]:
     """Return a text for each definition of a container: what is known of its image, and the Dockerfile.
 
     Branches of code repositories are looked up with the permission `git` alone; without it, the text says that they
-    are not. Each line is printable, whatever stands in the files.
+    are not. Each line is printable, whatever stands in the files. A tag is a hash of all that goes into an image: what
+    is the user's own is asked for, as it is by a plan.
 
     Args:
         definitions: What was read, with what a lock says.
         services: Those whose images are shown; empty: all.
         allowed: Kinds of permission that the user gave.
+        inventory: The user's, where he named one: it says which files are keys of robots.
 
     Raises:
         DefinitionError: The files name what was not fetched, or a field cannot become an image.
@@ -41,7 +46,8 @@ def dockerfiles(definitions: Definitions, services: Collection[str], allowed: Co
         raise UsageError(
             f"no service {', '.join(unknown)}", hint=f"there are: {', '.join(sorted(known))}", code=Code.NO_SUCH_NAME
         )
-    asked = permissions(definitions.experiment, definitions.containers)
+    found = asked_for(definitions, inventory)
+    asked = permissions(found.experiment, found.containers)
     permit_planning([one for one in asked if one.kind in ("outside", "env")], allowed)
     users: dict[str, list[str]] = {}
     for name in sorted(services or known):

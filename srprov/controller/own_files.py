@@ -36,7 +36,8 @@ from srprov.planning.policy import permissions
 
 COPIED_FIRST = ("git", "outside")
 """Kinds of permission without which nothing is copied: what is fetched, and files that are not the experiment's."""
-_NO_ROBOTS = Inventory(hosts={}, groups={})
+NO_ROBOTS = Inventory(hosts={}, groups={})
+"""Where nobody named any."""
 _RECORD = "it is srprov's own record, or what it keeps secrets in"
 _ANYBODY = "the experiment"
 """Whose a file is that is read as a definition: its blank makes it no service's name."""
@@ -61,7 +62,7 @@ def asked_for(definitions: Definitions, inventory: Inventory) -> Definitions:
     return replace(definitions, experiment=replace(experiment, outside=outside))
 
 
-def permit_copies(definitions: Definitions, allowed: Collection[str], inventory: Inventory = _NO_ROBOTS) -> None:
+def permit_copies(definitions: Definitions, allowed: Collection[str], inventory: Inventory = NO_ROBOTS) -> None:
     """Refuse an export that copies what the user has not allowed.
 
     Raises:

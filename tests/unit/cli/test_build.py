@@ -158,6 +158,18 @@ def test_show_reads_files_of_others_only_with_permission(
     assert run(["build", str(inner / "e.edf"), "--show", "--allow", "outside"]) == 0
 
 
+def test_show_asks_for_a_key_that_an_inventory_names(world: World, capsys: pytest.CaptureFixture[str]) -> None:
+    """By what is in it nobody knows it for one."""
+    Path("parts").mkdir()
+    Path("parts/k").write_text("1234")
+    Path("a.cdf").write_text("cdf: 1\nbase: busybox\nfiles: [{src: parts, dest: /p}]\n")
+    Path("inv.yml").write_text("all: {hosts: {r1: {ansible_ssh_private_key_file: parts/k}}}\n")
+    assert run(["build", "e.edf", "--show", "-i", "inv.yml"]) == 9
+    assert "parts/k" in capsys.readouterr().err
+    assert run(["build", "e.edf", "--show", "-i", "inv.yml", "--allow", "outside"]) == 0
+    assert run(["build", "e.edf", "--show"]) == 0
+
+
 def test_show_has_the_digests_of_a_lock_and_says_what_is_asked_for_each_plan(
     world: World, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -8,12 +8,15 @@ from pathlib import Path
 
 import pytest
 
+from srprov.controller.dockerfiles import dockerfiles
 from srprov.controller.own_files import asked_for, permit_copies
 from srprov.definitions import load_experiment
 from srprov.definitions.model import Inventory
 from srprov.errors import RefusedError
+from srprov.own_records import KEPT_OUT
 
 EDF = "edf: 1\nname: nav\nservices: {a: {cdf: CDF}}\n"
+KEY = "-----BEGIN OPENSSH PRIVATE KEY-----\nb3BlbnNzaC1rZXktdjEAAAAA\n"
 
 
 @pytest.fixture
@@ -56,3 +59,21 @@ def test_a_dockerfile_is_asked_for_also_where_its_folder_leaves_it_out(here: Pat
     assert asked() == []
     Path("k/ctx/Dockerfile").write_text("FROM busybox\nRUN echo ansible_become_password=kuka-4711\n")
     assert asked() == ["k/ctx/Dockerfile"]
+
+
+@pytest.mark.parametrize("kept", ["link", "key", "record"])
+@pytest.mark.parametrize("cdf", ["dockerfile: ctx/Dockerfile", "base: busybox\nfiles: [{src: ctx, dest: /ws}]"])
+def test_show_has_no_hash_of_the_user_s_own_files_unasked(here: Path, kept: str, cdf: str) -> None:
+    """An image's tag is a hash of all that goes in: whoever has the rest tries words until one fits."""
+    Path("k/a.cdf").write_text(f"cdf: 1\n{cdf}\n")
+    assert "image: srprov/a:" in dockerfiles(load_experiment("e.edf"), (), ())[0]
+    if kept == "record":
+        Path("k/ctx/.gitignore").write_text(KEPT_OUT)
+    Path("../mine/token").write_text(KEY if kept == "key" else "1234")
+    if kept == "link":
+        os.link("../mine/token", "k/ctx/token")
+    else:
+        Path("k/ctx/token").write_text(Path("../mine/token").read_text())
+    with pytest.raises(RefusedError, match=r"a: outside \(.*/k/ctx/"):
+        dockerfiles(load_experiment("e.edf"), (), ())
+    assert "image: srprov/a:" in dockerfiles(load_experiment("e.edf"), (), ("outside",))[0]
