@@ -44,14 +44,14 @@ def record_of(path: str, top: str = os.sep, is_one: Callable[[str], bool] = is_r
     return next(filter(is_one, below), "") if parts[0] not in (os.curdir, os.pardir) else ""
 
 
-def record_around(path: str, top: str) -> str:
+def record_around(path: str, top: str, is_one: Callable[[str], bool] = is_record) -> str:
     """Return the record in which a file or folder lies, or which it is, that a file in `top` names; or nothing.
 
     What is in `top` is in a record only where that one lies there, too: an experiment in a bundle has its own files.
     Both are real.
     """
     is_there = path == top or path.startswith(f"{top.rstrip(os.sep)}{os.sep}")
-    return record_of(path, top if is_there else os.sep)
+    return record_of(path, top if is_there else os.sep, is_one)
 
 
 def place() -> Path:

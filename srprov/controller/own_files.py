@@ -17,7 +17,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import os
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 
 from msgspec.structs import replace
 
@@ -30,8 +30,9 @@ from srprov.definitions.own_content import LARGEST, is_own
 from srprov.definitions.paths import inside
 from srprov.definitions.taken import in_words
 from srprov.definitions.version_control import is_from_elsewhere, names_in
+from srprov.git.cache import folders
 from srprov.images.context import folder_items
-from srprov.own_records import is_record, record_of
+from srprov.own_records import is_record, record_around
 from srprov.planning.policy import permissions
 
 COPIED_FIRST = ("git", "outside")
@@ -107,8 +108,9 @@ class _Own:
             with contextlib.suppress(OSError):  # who needs it says so
                 content = regular_file.read(path, LARGEST)
                 self._contents.setdefault(len(content), set()).add(content)
+        self._fetched = str(folders())
         is_one = functools.cache(is_record)
-        self._record = functools.cache(lambda folder: record_of(folder, self.folder, is_one))
+        self._record = functools.cache(lambda folder: self._record_around(folder, is_one))
         # many services may name one folder
         self.below, self.in_context = functools.cache(self._below), functools.cache(self._in_context)
         self.read = functools.cache(self._read)
@@ -128,12 +130,16 @@ class _Own:
         return False
 
     def among(self, paths: Iterable[str]) -> Iterator[str]:
-        """Yield those of some files that are one, or the record that a file lies in, below the experiment's folder."""
+        """Yield those of some files that are one, or the record that a file lies in (`record_around`)."""
         for path in paths:
             if record := self._record(os.path.dirname(path)):
                 yield f"{record}/: {_RECORD}"
             elif self.has(path):
                 yield path
+
+    def _record_around(self, folder: str, is_one: Callable[[str], bool]) -> str:
+        """Return the record that a folder lies in, or nothing; what git fetched is somebody's who published it."""
+        return "" if inside(folder, self._fetched) else record_around(folder, self.folder, is_one)
 
     def _below(self, top: str) -> tuple[str, ...]:
         """Return those that a file is, or that lie in a folder."""

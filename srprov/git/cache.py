@@ -32,6 +32,11 @@ def default_folder() -> Path:
     return private.cache_folder() / "git"
 
 
+def folders() -> Path:
+    """Return where folders with the files of commits are."""
+    return default_folder() / "folders"
+
+
 def place_of(address: Address, folder: Path | None = None) -> Path:
     """Return where something of a repository is kept, without a suffix."""
     return (folder or default_folder()) / hashlib.sha256(address.url.encode()).hexdigest()[:32]
@@ -105,7 +110,7 @@ def folder(address: Address, commit: str, most: int) -> Path:
         GitError: It cannot be fetched, or holds what cannot be taken.
         OSError: It cannot be kept.
     """
-    place = default_folder() / "folders" / hashlib.sha256(f"{address.url} {commit}".encode()).hexdigest()[:32]
+    place = folders() / hashlib.sha256(f"{address.url} {commit}".encode()).hexdigest()[:32]
     if os.path.lexists(place):
         believed.check(place)
         return place

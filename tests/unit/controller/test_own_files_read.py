@@ -1,4 +1,4 @@
-"""What a build reads of the user's own files, shipped or not: somebody is asked."""
+"""What a build reads of the user's own files, shipped or not, and records around files elsewhere: somebody is asked."""
 
 from __future__ import annotations
 
@@ -77,3 +77,21 @@ def test_show_has_no_hash_of_the_user_s_own_files_unasked(here: Path, kept: str,
     with pytest.raises(RefusedError, match=r"a: outside \(.*/k/ctx/"):
         dockerfiles(load_experiment("e.edf"), (), ())
     assert "image: srprov/a:" in dockerfiles(load_experiment("e.edf"), (), ("outside",))[0]
+
+
+def test_a_record_beside_a_cdf_that_lies_elsewhere_is_named(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever allows a folder beside the CDF is told what it is; what git fetched there is no record of his."""
+    for name in ("XDG_CACHE_HOME", "XDG_STATE_HOME"):
+        monkeypatch.setenv(name, f"{here.parent}/home")
+    word = "it is srprov's own record, or what it keeps secrets in"
+    for folder in (here.parent / "mine", here.parent / "home/srprov/git/folders/0"):
+        (folder / "out").mkdir(parents=True)
+        (folder / "out/db").write_text("hunter2")
+        (folder / "p.cdf").write_text("cdf: 1\nbase: busybox\nfiles: [{src: out, dest: /ws}]\n")
+        Path("e.edf").write_text(EDF.replace("CDF", os.path.relpath(folder / "p.cdf")))
+        named = []
+        for kept in ("", KEPT_OUT):
+            (folder / "out/.gitignore").write_text(kept)
+            found = asked_for(load_experiment("e.edf"), Inventory(hosts={}, groups={})).experiment.outside
+            named.append([what for _, what in found if word in what])
+        assert named == [[], [f"{folder}/out/: {word}"] if folder.name == "mine" else []]
