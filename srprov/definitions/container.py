@@ -67,11 +67,11 @@ def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "", fe
     Raises:
         DefinitionError: With everything that is wrong in the file and in those that it extends.
     """
-    absolute = os.path.abspath(path)
+    absolute, shown = os.path.abspath(path), shown or path
     findings, unsupported = Findings(), Findings()
     with allowance(schema.MOST_BYTES, schema.MOST_VALUES):
         reader = _ExtendsReader(environ, findings, unsupported, fetch)
-        layer = reader.read(absolute, shown or path, ())
+        layer = reader.read(absolute, shown, ())
     if findings.problems or layer is None:
         raise DefinitionError(findings.problems)
     try:
@@ -82,7 +82,7 @@ def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "", fe
     except DefinitionError as error:
         if (own := reader.own) is None or all(paths.inside(file, folder) for file in reader.files):
             raise
-        hidden = paths.hide_merged(error.problems, lambda f: _definition(own, absolute, folder, f), Findings(), folder)
+        hidden = paths.hide_merged(error.problems, lambda f: _definition(own, absolute, folder, f), shown, folder)
         raise DefinitionError(hidden) from None
     return Container(
         definition=definition,

@@ -83,7 +83,7 @@ def _load(path: str, environ: Mapping[str, str], fetch: Fetch | None) -> Definit
         if known_files == read.by_service:
             raise
         alone = functools.partial(_checked, root, path, known_files, environ)
-        raise DefinitionError(paths.hide_merged(error.problems, alone, known, folder)) from None
+        raise DefinitionError(paths.hide_merged(error.problems, alone, path, folder, known)) from None
     elsewhere, files, left = taken.repositories(read.remote), _files(root, experiment, read), current.get()
     contents = {one: left.contents[one] for one in files if one in left.contents} if left else {}
     return Definitions(

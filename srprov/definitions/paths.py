@@ -15,8 +15,6 @@ import shlex
 import stat
 from collections.abc import Callable, Collection, Iterator
 
-from msgspec.structs import replace
-
 from srprov import regular_file
 from srprov.codes import Code
 from srprov.definitions.homes import homes_in
@@ -105,19 +103,27 @@ def hide_outside(problems: Collection[Diagnostic], *folders: str) -> list[Diagno
 
 
 def hide_merged(
-    problems: Collection[Diagnostic], alone: Callable[[Findings], object], findings: Findings, folder: str
+    problems: Collection[Diagnostic],
+    alone: Callable[[Findings], object],
+    file: str,
+    folder: str,
+    known: Findings | None = None,
 ) -> list[Diagnostic]:
-    """Return problems of what was merged with a file outside of `folder`, without what they may tell of that file.
+    """Return what is shown of the problems of `file`, merged with one outside of `folder`, of which they may tell.
 
-    What `alone` adds to the findings, looking at the files in the folder alone, is shown; of the rest only the place.
+    What was known before, and what `alone` adds to it, looking at the files in the folder alone, is shown. All else is
+    one problem that has no line: one at each of many guesses would tell which of them that file has. So what is wrong
+    alone is shown also where that file would mend it.
     """
+    findings = Findings() if known is None else known
     with contextlib.suppress(DefinitionError):  # too many; they are in the findings nevertheless
         alone(findings)
-    known = set(findings.problems)
+    shown = findings.problems
+    if set(shown) == set(problems):
+        return [*shown]
     message = f"does not fit a file outside of {_name(folder)}, of which nothing is shown"
-    hint = "copy that file into the folder to see what is wrong"
-    hidden = (replace(one, message=message, path="", hint=hint) for one in problems if one not in known)
-    return [*(one for one in problems if one in known), *dict.fromkeys(hidden)]
+    hint = "copy that file into the folder to see what is wrong; what else is said here is said without it"
+    return [*shown, Diagnostic(Location(file), message, hint=hint, code=Code.OUTSIDE)]
 
 
 def root_for(folder: str, experiment_folder: str) -> str:
