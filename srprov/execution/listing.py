@@ -90,6 +90,8 @@ class Listing:
         return self._done
 
     def _read(self, word: bytes) -> None:
+        if len(self._done) == self._expected:
+            raise ListingError("its listing goes on behind its end")
         if self._open:
             self._add(self._open._replace(link=_text(word[:_LONGEST_LINK])))
             self._open = None
