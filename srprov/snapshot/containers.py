@@ -96,11 +96,11 @@ def _environment(
         if number >= 2 * MOST_ENTRIES:
             if number == 2 * MOST_ENTRIES:
                 notes.lost(subject, f"only {number} of its variables are captured")
-            if secret_variable(key, value) and len(value) <= LONGEST_VALUE:
+            if len(value) <= LONGEST_VALUE and secret_variable(key, value):
                 hidden.append(value)  # it may stand in what is captured
         elif not _VARIABLE.fullmatch(key) or len(value) > LONGEST_VALUE:
             notes.lost(subject, f"the variable {text(key, length=60)!r} has a name or length that an EDF does not take")
-            if secret_variable(key, value) and len(value) <= LONGEST_VALUE:
+            if len(value) <= LONGEST_VALUE and secret_variable(key, value):
                 hidden.append(value)
         elif reason := secret_variable(key, value):
             secret, secrets[secret] = give(name, key)
@@ -214,7 +214,7 @@ def _labels(config: Mapping[str, Any], own: Mapping[str, Any], subject: str, not
     every = sorted(string_map(config.get("Labels")).items())
     some = [one for one in every if of_image.get(one[0]) != one[1] and not one[0].startswith(_LABELS_OF_OTHERS)]
     for key, value in few(some, "labels", subject, notes):
-        if secret_variable(key, value) or masked(value) != value or len(key) + len(value) > LONGEST_VALUE:
+        if len(key) + len(value) > LONGEST_VALUE or secret_variable(key, value) or masked(value) != value:
             notes.secret(
                 subject, f"the label {text(key, length=60)} looks like a secret, or is too long: it is left out"
             )

@@ -40,17 +40,23 @@ _FORMS = re.compile(
     r"-----BEGIN [A-Z0-9 ]{0,40}PRIVATE KEY"
     r"|\b(?:gh[pousr]_[A-Za-z0-9]{16,255}|github_pat_\w{16,255}|glpat-[\w-]{16,255}|xox[abeprs]-[\w-]{10,255}"
     r"|A(?:KIA|SIA)[0-9A-Z]{16}|AIza[\w-]{30,60}|[srp]k[-_](?:live[-_]|test[-_]|proj-)?[A-Za-z0-9]{16,255}"
-    r"|eyJ[\w-]{8,2000}\.[\w-]{4,4000}|hf_[A-Za-z0-9]{16,255}|npm_[A-Za-z0-9]{16,255}|pypi-[\w-]{16,500}"
+    r"|hf_[A-Za-z0-9]{16,255}|npm_[A-Za-z0-9]{16,255}|pypi-[\w-]{16,500}"
     r"|dckr_pat_[\w-]{16,255}|SG\.[\w-]{16,255})"
     r"|\$(?:1|2[abxy]|5|6|y|argon2id?|apr1)\$[^\s:'\"]{8,500}"
 )
+_JWT = re.compile(r"\beyJ[\w-]{8,}(?P<more>\.[\w-]{4,4000})?")
+"""One is only with `more`. What is none is found, too, so that a text is read once and not from each `eyJ` on."""
 _IN_URL = re.compile(r"(?<=://)[^\s/]{1,500}(?=@)")
 """Up to the last `@` before the path: a password may have one, and quotes."""
 _BEARER = re.compile(r"(?i)(?<=\bbearer )[^\s'\"]{6,4000}|(?<=\bbasic )[A-Za-z0-9+/=]{8,4000}")
 _ASSIGNED = re.compile(
-    r"""(?x) (?P<name>[A-Za-z][A-Za-z0-9_.-]{1,80}) ["']? [ \t]* (?: => | :=? | = ) [ \t]*
-    (?: "(?P<double>[^"\n]{1,4000})" | '(?P<single>[^'\n]{1,4000})' | (?P<bare>[^\s"'()\[\]{}$<>,;&|]{4,4000}) )"""
+    r"""(?x) [0-9_.-]* (?P<name>[A-Za-z][A-Za-z0-9_.-]+) (?: ["']? [ \t]* (?: => | :=? | = ) [ \t]*
+    (?: "(?P<double>[^"\n]{1,4000})" | '(?P<single>[^'\n]{1,4000})' | (?P<bare>[^\s"'()\[\]{}$<>,;&|]{4,4000}) ) )?
+    | [0-9_.-]+"""
 )
+"""Any word, so that each is read once and not from each of its letters on; only some have a value."""
+_LONGEST_NAME = 81
+"""Characters of a name in a text; of a longer word they are the last ones."""
 _WHOLE = re.compile(r"(-{0,2}(?P<name>[A-Za-z][\w.-]{0,80})=)(?P<value>\S{1,4000})")
 """A word of a command: no shell reads it, and so `$`, `;` and brackets are of its value."""
 _OPTION = re.compile(
@@ -91,10 +97,10 @@ def masked(text: str) -> str:
     """Return the text with `***` for everything in it that looks like a secret."""
     if len(text) > LONGEST:
         return MASK
-    if "PRIVATE KEY" in text and _FORMS.search(text):
+    if "PRIVATE KEY" in text and _has_form(text):
         return MASK  # the key is in the lines after it
     found = _IN_URL.sub(_of_url, text)
-    found = _BEARER.sub(MASK, _FORMS.sub(MASK, found))
+    found = _BEARER.sub(MASK, _FORMS.sub(MASK, _JWT.sub(_of_jwt, found)))
     found = _ASSIGNED.sub(_of_assignment, found)
     return _CHANCE.sub(_of_chance, found)
 
@@ -125,12 +131,26 @@ def _of_url(match: re.Match[str]) -> str:
     user, colon, _ = match[0].partition(":")
     if colon:
         return f"{user}:{MASK}"
-    return match[0] if len(user) < 20 and not _FORMS.search(user) else MASK
+    return match[0] if len(user) < 20 and not _has_form(user) else MASK
+
+
+def _has_form(text: str) -> bool:
+    return _FORMS.search(text) is not None or any(one["more"] for one in _JWT.finditer(text))
+
+
+def _of_jwt(match: re.Match[str]) -> str:
+    return MASK if match["more"] else match[0]
 
 
 def _of_assignment(match: re.Match[str]) -> str:
     value = match["double"] or match["single"] or match["bare"]
-    return match[0].replace(value, MASK) if _assigned_secret(match["name"], value) else match[0]
+    if not value:
+        return match[0]
+    name = match["name"][-_LONGEST_NAME:].lstrip("0123456789_.-")
+    if not name:  # what is behind it may be a name
+        cut = match.end("name") - match.start()
+        return match[0][:cut] + _ASSIGNED.sub(_of_assignment, match[0][cut:])
+    return match[0].replace(value, MASK) if _assigned_secret(name, value) else match[0]
 
 
 def _assigned_secret(name: str, value: str) -> bool:

@@ -11,6 +11,7 @@ from srprov.redaction import MASK
 from srprov.snapshot.hider import Hider
 from srprov.snapshot.notes import MOST, Notes
 from srprov.snapshot.suspicion import masked, masked_words, secret_variable
+from tests.bounded import within
 
 SECRET = [
     ("DB_PASSWORD", "x"),
@@ -122,6 +123,29 @@ def test_the_time_is_linear_in_a_command(command: str) -> None:
 @pytest.mark.parametrize("text", _TEXTS, ids=range(5))
 def test_the_time_is_linear_in_the_text(text: str) -> None:
     assert is_linear(masked, text)
+
+
+_WORDS = ("eyJ-", "eyJaaaaa-", "sk-", "github_pat_a-", "A.a", "a.", f"a{'1' * 82}=", "ab\t\t\t")
+
+
+@pytest.mark.parametrize("piece", _WORDS)
+def test_each_word_of_a_text_is_read_once(piece: str) -> None:
+    """And not from each letter of it on, or from each `eyJ`, up to where the longest name or token ends."""
+    with within(1.2):
+        masked(piece * (1_000_000 // len(piece)))
+
+
+def test_a_token_is_one_wherever_it_begins_in_a_word() -> None:
+    jwt = "eyJhbGciOiJI.eyJzdWIiOiIx.abcdefgh"
+    assert masked(jwt) == masked(f"jwt-{jwt}").removeprefix("jwt-") == f"{MASK}.abcdefgh"
+    assert masked(f"eyJhbGciOiJI-{jwt}") == f"{MASK}.abcdefgh"
+    assert masked("eyJhbGciOiJI-ghp_abcdefghijklmnop") == f"eyJhbGciOiJI-{MASK}"
+    assert masked("PRIVATE KEY eyJhbGciOiJI") == "PRIVATE KEY eyJhbGciOiJI"
+    assert masked(f"PRIVATE KEY {jwt}") == MASK
+    assert masked(f"https://{jwt}@h") == f"https://{MASK}@h"
+    assert masked(f"{'x' * 90}password=hunter2") == f"{'x' * 90}password={MASK}"
+    assert masked(f"a{'1' * 90}=password=hunter2") == f"a{'1' * 90}=password={MASK}"
+    assert masked("..1_password=hunter2 11=password=hunter2") == f"..1_password={MASK} 11=password={MASK}"
 
 
 def test_of_a_text_that_is_too_long_nothing_is_shown() -> None:
