@@ -10,11 +10,26 @@ from collections.abc import Iterator
 
 from srprov.codes import Code
 from srprov.errors import SrprovError, TransportError
-from srprov.untrusted import text
+from srprov.untrusted import lines_of, text
+
+MOST_LINES = 65_536
+"""Of one answer. The most things of a kind are 10,000, and some have two lines; an empty line takes memory, too."""
 
 
 class TooManyError(Exception):
     """A robot names more things of a kind than it is believed; the text says how many those are."""
+
+
+def all_lines(out: str) -> list[str]:
+    """Return the lines of an answer.
+
+    Raises:
+        TooManyError: There are more than are read: what is not read would pass for gone.
+    """
+    lines = lines_of(out, MOST_LINES + 1)
+    if len(lines) > MOST_LINES:
+        raise TooManyError(f"one of its answers has more than {MOST_LINES} lines")
+    return lines
 
 
 @contextlib.contextmanager

@@ -17,9 +17,10 @@ import re
 from collections.abc import Mapping
 
 from srprov.modules.container_commands import stop
+from srprov.robot_answers import MOST_LINES
 from srprov.sandbox import HAS_MOUNT, MOUNTED, NO_SANDBOX, NONE_MOUNTED, NOT_CLOSED, sandboxed_writing
 from srprov.session import Progress, Session
-from srprov.untrusted import absolute, mapping, mappings, string
+from srprov.untrusted import absolute, lines_of, mapping, mappings, string
 from srprov.wire import EngineCall, EngineQuery, Query, Reply, Run, quote
 
 _GO = re.compile(r"go1\.([0-9]{1,3})(?:\.([0-9]{1,3}))?")
@@ -164,5 +165,8 @@ def _having(volume: str, session: Session) -> dict[str, str]:
             break
     if not reply.ok:
         raise _NotToldError(f"its engine does not say who has its volumes ({reply.err.strip()[:300]})")
-    found = (line.split() for line in reply.out.splitlines() if line.endswith(" has"))
+    lines = lines_of(reply.out, MOST_LINES + 1)
+    if len(lines) > MOST_LINES:
+        raise _NotToldError("its engine names more containers that have its volumes than are read")
+    found = (line.split(" ", 3) for line in lines if line.endswith(" has"))
     return {words[0]: words[1].removeprefix("/") for words in found if len(words) > 2}

@@ -8,7 +8,9 @@ from __future__ import annotations
 import re
 import time
 
+from srprov.robot_answers import MOST_LINES
 from srprov.session import Session
+from srprov.untrusted import lines_of
 from srprov.wire import Query
 
 _TICKS_A_SECOND = 100
@@ -28,7 +30,9 @@ def engine_began(session: Session) -> float:
     """
     (reply,) = session.ask([_ASK])
     ages = [
-        int(match[1]) - int(match[2]) / _TICKS_A_SECOND for line in reply.out.splitlines() if (match := _read(line))
+        int(match[1]) - int(match[2]) / _TICKS_A_SECOND
+        for line in lines_of(reply.out, MOST_LINES)
+        if (match := _read(line))
     ]
     return time.time() - max(0.0, min(ages, default=0.0))
 

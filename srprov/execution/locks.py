@@ -23,7 +23,7 @@ import msgspec
 from srprov.errors import TransportError
 from srprov.owner import owner
 from srprov.session import Reader
-from srprov.untrusted import integer, json_or_none, mapping, text
+from srprov.untrusted import integer, json_or_none, lines_of, mapping, text
 from srprov.wire import Query, quote
 
 PLACES = ("/run/srprov", "/tmp/srprov")  # noqa: S108 - the fallback is used only when root owns it
@@ -230,7 +230,7 @@ def holders(
         futures = {name: pool.submit(lambda one: readers(one).ask([who_holds()])[0], name) for name in names}
         for name, future in futures.items():
             try:
-                line = next((one for one in future.result().out.splitlines() if one.startswith("held ")), "")
+                line = next((one for one in lines_of(future.result().out, len(PLACES)) if one.startswith("held ")), "")
             except TransportError as error:
                 unreachable[name] = error.told
             else:

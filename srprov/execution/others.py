@@ -19,7 +19,7 @@ from srprov.modules.observe import observe_queries, parse_observed
 from srprov.planning.plan import Plan
 from srprov.robot_answers import answers_of
 from srprov.session import Session
-from srprov.untrusted import json_or_none, mapping, string
+from srprov.untrusted import json_or_none, lines_of, mapping, string
 from srprov.wire import AnyQuery, Query, Reply, quote
 
 _KINDS = ("container", "network", "volume")
@@ -91,7 +91,7 @@ def _makers(instance: str, replies: Sequence[Reply]) -> Iterator[str]:
     for item in parse_observed(replies[:-1], _KINDS):
         if item.instance == instance:
             yield string(item.state.get("source"))
-    for line in replies[-1].out.splitlines()[:1]:
+    for line in lines_of(replies[-1].out, 1):
         yield string(mapping(json_or_none(f"{{{line}}}")).get("source"))
 
 

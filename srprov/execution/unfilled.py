@@ -21,7 +21,7 @@ from srprov.execution.filling import FIRST_OF, filled
 from srprov.modules.module import canonical
 from srprov.modules.volume import create_volume
 from srprov.session import Session
-from srprov.untrusted import absolute, mapping, mappings
+from srprov.untrusted import absolute, lines_of, mapping, mappings
 from srprov.wire import Command, EngineCall, EngineQuery, Query, Reply, quote
 
 _NONE = 404
@@ -97,7 +97,7 @@ def _empty(places: Mapping[str, str], session: Session) -> tuple[dict[str, str],
         for n, at in enumerate(places.values())
     ]
     (said,) = session.ask([Query(command="\n".join([*looks, ":"]))])
-    told = dict((f"{line} ").split(" ", 1) for line in said.out.splitlines()) if said.ok else {}
+    told = dict((f"{line} ").split(" ", 1) for line in lines_of(said.out, len(places))) if said.ok else {}
     for n, name in enumerate(places):
         if str(n) not in told:
             return {}, Reply(

@@ -47,7 +47,9 @@ def parse_placements(reply: Reply) -> dict[str, Mapping[str, Any]]:
 
 def without_records(reply: Reply) -> Reply:
     """Return the reply without the records: who keeps what each robot said need not keep what names all robots."""
-    lines = reply.out.split("\n")
+    lines = lines_of(reply.out, _MOST_LINES + 1)
+    if len(lines) > _MOST_LINES:  # `parse_placements` refuses them
+        return replace(reply, out="")
     kept = [line for line in lines if not _RECORD.match(line)]
     return reply if len(kept) == len(lines) else replace(reply, out="\n".join(kept))
 

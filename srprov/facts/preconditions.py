@@ -19,6 +19,7 @@ from srprov.facts.every_link import EVERY_LINK, every_link
 from srprov.facts.model import HostFacts
 from srprov.facts.runc import REMEDY, RUNC, runc
 from srprov.time_sync import TimeSync
+from srprov.untrusted import lines_of
 from srprov.wire import AnyQuery, Query, Reply
 
 _TOOLS = {
@@ -132,7 +133,7 @@ def _rights(facts: HostFacts) -> Check:
 
 
 def _programs(programs: Reply, as_json: Reply) -> Iterator[Check]:
-    missing = [name for name in programs.out.split() if name in _TOOLS]
+    missing = [name for name in lines_of(programs.out, len(_TOOLS)) if name in _TOOLS]
     packages = " ".join(sorted({_TOOLS[name] for name in missing}))
     found = f"missing: {', '.join(missing)}" if missing else "all there"
     yield _check("programs", not missing, found, f"apt-get install {packages}")

@@ -14,6 +14,8 @@ from collections.abc import Mapping
 from srprov.modules.container_body import engine_body
 from srprov.modules.container_leftover import BUILD_HOST
 from srprov.modules.container_params import ContainerParams
+from srprov.robot_answers import MOST_LINES
+from srprov.untrusted import lines_of
 from srprov.wire import Query, Reply
 
 _FIELDS = {
@@ -50,7 +52,7 @@ _POLICY = re.compile(r'\{"Name":"([a-z-]*)","MaximumRetryCount":([0-9]{1,9})')
 def limits_of(reply: Reply) -> dict[str, dict[str, str]]:
     """Return container's id -> the engine's word -> what it keeps of it."""
     found: dict[str, dict[str, str]] = {}
-    for line in reply.out.split("\n"):
+    for line in _lines(reply):
         if (match := _LINE.search(line)) and match[2] in _FIELDS:
             policy = _POLICY.fullmatch(match[3])
             found.setdefault(match[1], {})[match[2]] = f"{policy[1]}:{policy[2]}" if policy else match[3].strip('"')
@@ -59,8 +61,14 @@ def limits_of(reply: Reply) -> dict[str, dict[str, str]]:
 
 def of_builds(reply: Reply) -> frozenset[str]:
     """Return the ids of containers that were made for a build of srprov's."""
-    found = (_LINE.search(line) for line in reply.out.split("\n") if line.endswith(_OF_BUILD))
+    found = (_LINE.search(line) for line in _lines(reply) if line.endswith(_OF_BUILD))
     return frozenset(match[1] for match in found if match)
+
+
+def _lines(reply: Reply) -> list[str]:
+    """Return the lines; of an answer with more than are read nothing is said, as of files that cannot be read."""
+    lines = lines_of(reply.out, MOST_LINES + 1)
+    return lines if len(lines) <= MOST_LINES else []
 
 
 def changed_limits(want: ContainerParams, found: Mapping[str, str]) -> str:

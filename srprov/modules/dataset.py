@@ -20,6 +20,7 @@ from srprov.modules.file import remove_path
 from srprov.modules.module import STATE_ROOT, Module, Names
 from srprov.modules.params import ParameterError
 from srprov.resource import Action, Change, Observed, State
+from srprov.robot_answers import all_lines
 from srprov.wire import DATA_STORE, AnyQuery, Command, Query, Reply, Run, SendData, quote
 
 _LIST = f"""\
@@ -69,7 +70,7 @@ class DataModule(Module[DataParams]):
     def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
         """Read one path per line, and `there`."""
         found = []
-        for line in replies[0].out.split("\n"):
+        for line in all_lines(replies[0].out):
             path, _, said = line.partition(" ")
             there, _, giver = said.partition(" ")
             if match := _NAME.fullmatch(path):

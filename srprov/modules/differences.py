@@ -93,8 +93,8 @@ def whole_difference(field: str, old: Reply, new: str) -> Difference:
 
     Of what cannot be compared in time, or is no text, or was not read, all lines are told as new ones.
     """
-    before, after = (text.removesuffix("\n").split("\n") for text in (old.out, new))
     read = old.ok and len(old.out.encode()) <= MOST_READ and not any(mark in old.out for mark in _NOT_TEXT)
+    before, after = (text.removesuffix("\n").split("\n") for text in (old.out if read else "", new))
     if not read or max(len(before), len(after)) > _MOST_LINES:
         return Difference(field=field, diff=("@@ all of it @@", *(f"+{line}" for line in after)))
     lines = tuple(difflib.unified_diff(before, after, n=2, lineterm=""))[2:]

@@ -17,6 +17,7 @@ from srprov.modules.differences import read_start, text_difference, whole_differ
 from srprov.modules.module import DISCOVERY_FILE, STATE_ROOT, Module, Names
 from srprov.modules.params import AnyText, Mode, ParameterError
 from srprov.resource import Action, Change, Difference, Observed, State
+from srprov.robot_answers import all_lines
 from srprov.wire import AnyQuery, Command, Put, Query, Reply, Run, quote
 
 _BELOW = f"{STATE_ROOT}/"
@@ -75,7 +76,7 @@ class FileModule(Module[FileParams]):
 
     def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
         """Read `sha256  PATH` lines; a link is no file of ours."""
-        said = [line.partition("  ")[::2] for line in replies[0].out.split("\n")]
+        said = [line.partition("  ")[::2] for line in all_lines(replies[0].out)]
         links = {path for word, path in said if word == "link"}
         found = []
         for sha, path in said:

@@ -22,6 +22,7 @@ from srprov.modules.file import remove_path
 from srprov.modules.module import MEMORY_ROOT, Module, Names
 from srprov.modules.params import NOT_WRITTEN, Mode
 from srprov.resource import Action, Change, Difference, Observed, Resource, State
+from srprov.robot_answers import all_lines
 from srprov.secret import Hidden, Secret, Vault
 from srprov.wire import AnyQuery, Command, Put, Query, Reply
 
@@ -77,7 +78,7 @@ class SecretModule(Module[SecretParams]):
         """Read `400 ./instance/secrets/name` and `sha256  ./instance/secrets/name` lines; a half-written one counts."""
         modes: dict[str, str] = {}
         found = []
-        for line in replies[0].out.split("\n"):
+        for line in all_lines(replies[0].out):
             word, _, path = line.partition(" ")
             path = path.removeprefix(" ")
             parts = path.removeprefix("./").split("/")

@@ -19,12 +19,16 @@ from srprov.modules.differences import read_start, text_difference
 from srprov.modules.file import remove_path
 from srprov.modules.module import STATE_ROOT, Module, Names
 from srprov.resource import Action, Change, Difference, Observed, State
+from srprov.robot_answers import all_lines
+from srprov.untrusted import lines_of
 from srprov.wire import AnyQuery, Command, Put, Query, Reply, Run, quote
 
 _PARTS = 3
 _MOUNTED = re.compile(rf"bind ({STATE_ROOT}/[^/\0]+/trees/[0-9a-f]{{24}})/([^/\0]+) \(read-only\)")
 _MOST_LISTED = 256 << 10
 """Bytes of the list of an old tree's files."""
+_MOST_LINES = _MOST_LISTED // (hashlib.sha256().digest_size * 2)
+"""Each has a hash; names may have line feeds, which `sha256sum` escapes."""
 _MOST_NAMED = 8
 
 
@@ -54,7 +58,7 @@ class TreeModule(Module[TreeParams]):
     def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
         """Read one path per line; half-extracted ones (`.part`, `.tar`) are the instance's too and are cleaned up."""
         found = []
-        for line in replies[0].out.split("\n"):
+        for line in all_lines(replies[0].out):
             parts = line.removeprefix(STATE_ROOT + "/").split("/")
             if line.startswith(STATE_ROOT + "/") and len(parts) == _PARTS:
                 found.append(Observed(module="tree", name=line, instance=parts[0], state={}))
@@ -136,7 +140,7 @@ def content_difference(field: str, path: str, replies: Sequence[Reply], blob: by
     if len(members) == 1 and "/" not in members[0].path and not any(path + "/" in line for line in _lines(replies[0])):
         assert members[0].content is not None  # looked at above
         return text_difference(field, replies[1], members[0].content.decode("utf-8", "replace"))
-    if len(replies[0].out.encode()) >= _MOST_LISTED or not replies[0].ok:
+    if len(replies[0].out.encode()) >= _MOST_LISTED or replies[0].out.count("\n") > _MOST_LINES or not replies[0].ok:
         return Difference(field=field, note="the old content was not read")
     lines = (line.partition("  ") for line in _lines(replies[0]))
     old = {posixpath.relpath(name, path): sha for sha, _, name in lines if name.startswith("/")}
@@ -156,7 +160,7 @@ def between_trees(field: str, old: bytes, new: bytes) -> Difference:
 
 
 def _lines(reply: Reply) -> list[str]:
-    return [line for line in reply.out.split("\n") if len(line) > hashlib.sha256().digest_size * 2]
+    return [line for line in lines_of(reply.out, _MOST_LINES) if len(line) > hashlib.sha256().digest_size * 2]
 
 
 def _named(old: Mapping[str, str], new: Mapping[str, str]) -> str:

@@ -20,6 +20,7 @@ from srprov.modules.vxlan import VxlanParams, link_calls
 from srprov.modules.vxlan_fdb import FLOOD
 from srprov.modules.vxlan_filter import VxlanFilterParams, closing_script
 from srprov.resource import Action, Change, Observed, State
+from srprov.robot_answers import all_lines
 from srprov.wire import AnyQuery, Command, Query, Reply, Run, printed, quote
 
 FOLDER = "/etc/systemd/system"
@@ -89,7 +90,7 @@ class UnitModule(Module[UnitParams]):
     def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
         """Read `enabled sha256  name` lines."""
         found = []
-        for said in map(_SAID.fullmatch, replies[0].out.splitlines()):
+        for said in map(_SAID.fullmatch, all_lines(replies[0].out)):
             name = _NAME.fullmatch(said[3]) if said else None
             if said and name:
                 state = {"enabled": said[1] == "enabled", "sha256": said[2]}
