@@ -22,6 +22,12 @@ _END = struct.pack("<BQI", _DATA_END, 4, 0) + struct.pack("<BQQQI", 0x02, 20, 0,
 _PREFIX = struct.Struct("<BQ")
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _PIECE = 1 << 20
+_MOST_SHORT, _SHORT = 1_000_000, 32
+"""Records that may have fewer bytes each, on average: a message of no data has 31, and each takes a turn here."""
+
+
+class TooManyRecordsError(Exception):
+    """It has too many records that are too short to be of a recording."""
 
 
 def recover(path: Path, target: Path, part: Path) -> bool:
@@ -29,6 +35,7 @@ def recover(path: Path, target: Path, part: Path) -> bool:
 
     Raises:
         OSError: It cannot be written.
+        TooManyRecordsError: It would take long.
     """
     with path.open("rb") as source:
         if source.read(len(MAGIC)) != MAGIC:
@@ -47,7 +54,7 @@ def recover(path: Path, target: Path, part: Path) -> bool:
 
 def _copy(source: BinaryIO, target: BinaryIO, size: int) -> bool:
     """Copy whole records up to the end of the data; return whether there was a header."""
-    began = False
+    began, records = False, 0
     while len(prefix := source.read(_PREFIX.size)) == _PREFIX.size:
         kind, length = _PREFIX.unpack(prefix)
         at = source.tell()
@@ -55,6 +62,9 @@ def _copy(source: BinaryIO, target: BinaryIO, size: int) -> bool:
         if kind in (0, _DATA_END) or cut or (not began and kind != _HEADER):
             break
         began = True
+        records += 1
+        if records > _MOST_SHORT and at < records * _SHORT:
+            raise TooManyRecordsError
         if kind in _COPIED:
             source.seek(at)
             target.write(prefix)

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from srprov.record.mcap import MAGIC, recover
+from srprov.record.mcap import MAGIC, TooManyRecordsError, recover
 from srprov.record.results import Kept
 
 _BAG = b"#ROSBAG V2.0\n"
@@ -87,6 +87,9 @@ def _recovered(folder: Path, one: Kept, taken: Set[str], parts: Path) -> Kept:
     part = parts / "recovered"
     try:
         return replace(one, recovered=name) if recover(folder / one.name, folder / name, part) else one
+    except TooManyRecordsError:
+        part.unlink()
+        return replace(one, unclosed=f"{one.unclosed}; it was not recovered: it has too many records that hold nothing")
     except OSError as error:
         if error.errno not in _IN_THE_WAY:
             raise
