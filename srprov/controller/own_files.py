@@ -22,7 +22,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from msgspec.structs import replace
 
 from srprov import disk, regular_file, secret_files
-from srprov.controller.permissions import permit_planning
+from srprov.controller.permissions import permit_files, permit_planning
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.lockfile import lock_path
 from srprov.definitions.model import Definitions, Inventory, Service
@@ -72,6 +72,18 @@ def permit_copies(definitions: Definitions, allowed: Collection[str], inventory:
     found = asked_for(definitions, inventory)
     asked = permissions(found.experiment, found.containers)
     permit_planning([one for one in asked if one.kind in COPIED_FIRST], allowed)
+
+
+def permit_compared(definitions: Definitions, allowed: Collection[str]) -> None:
+    """Refuse to compare with a lock what the user has not allowed: what differs is told, and hashes can be guessed.
+
+    A lock, and that it is to be compared, may be a stranger's words: the names of files, images and repositories that
+    a file elsewhere says would be told, and whether a file's hash is the one there.
+
+    Raises:
+        RefusedError: Names every permission that is missing.
+    """
+    permit_files(asked_for(definitions, _NO_ROBOTS), allowed)
 
 
 def has_names_elsewhere(path: str, folder: str = "") -> bool:

@@ -67,7 +67,8 @@ def read_definitions(
         DefinitionError: With everything that is wrong with it, or with the lock.
         UsageError: With all that the lock and the files differ in; or no service has such a profile; or a link leads
             the file's name out of the folder that it is named in.
-        RefusedError: A CDF is in a git repository, and the user did not allow to fetch it.
+        RefusedError: A CDF is in a git repository, and the user did not allow to fetch it; or there is a lock, and a
+            file that would be compared with it is not the experiment's own.
     """
     refuse_link_out(file)
     found = chosen(_with_lock(file, allowed, environ, locked=locked), profiles)
@@ -84,12 +85,14 @@ def _with_lock(file: str, allowed: Collection[str], environ: Mapping[str, str] |
     found = fetched(file, allowed, functools.partial(_tree, lock.commits if lock else {}), environ)
     if lock is None and not locked:
         return found
+    from srprov.controller.own_files import permit_compared
     from srprov.controller.pins import differences, pinned
 
     if lock is None:
         raise UsageError(
             f"there is no lock {path}", hint=f"srprov lock {shlex.quote(str(file))} -i INVENTORY", code=Code.LOCK_FILE
         )
+    permit_compared(found, allowed)
     try:
         told = differences(found, lock)
     except (OSError, ValueError) as error:
