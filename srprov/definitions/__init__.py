@@ -70,7 +70,10 @@ def load_container(path: str | Path, environ: Mapping[str, str] | None = None) -
     """
     from srprov.definitions import cdf_folder, container, paths
     from srprov.definitions.own_lines import hide_own
+    from srprov.yamldoc import loader
 
+    if not os.path.lexists(path):
+        loader.read_text(path)  # it says what the user, who named it, may have meant
     folder = cdf_folder.experiment_folder(str(path))
     try:
         return container.load(str(path), folder, os.environ if environ is None else environ).definition

@@ -13,6 +13,7 @@ import msgspec
 from srprov.codes import Code
 from srprov.definitions import dockerfile, merging, paths
 from srprov.definitions.containermodel import BuildFile, Repository
+from srprov.definitions.own_lines import may_quote
 from srprov.definitions.values import scalars, text, texts
 from srprov.errors import DefinitionError, did_you_mean
 from srprov.git_address import check_ref, parse_address
@@ -66,8 +67,9 @@ def written(node: Node | None, folder: str, findings: Findings) -> Written:
     if wrong := dockerfile.check(whole, shown):
         findings.extend(wrong)
         return Written(path=path, context=context)
-    args = _args(given.get("args"), dockerfile.declared(whole), findings)
-    built = _built(whole, given, findings)
+    told = may_quote(path, folder)
+    args = _args(given.get("args"), dockerfile.declared(whole), findings, told=told)
+    built = _built(whole, given, findings, told=told)
     return Written(path=path, context=context, whole=whole, text=built, args=args, target=text(given.get("target")))
 
 
@@ -80,19 +82,23 @@ def _place(node: Node | None, given: Mapping[str, Node]) -> Scalar | None:
     return Scalar(named.source, named.line, named.column, os.path.normpath(path))
 
 
-def _built(whole: str, given: Mapping[str, Node], findings: Findings) -> str:
-    """Return a Dockerfile's text up to the end of the stage that is built."""
+def _built(whole: str, given: Mapping[str, Node], findings: Findings, *, told: bool) -> str:
+    """Return a Dockerfile's text up to the end of the stage that is built; `told`: its stages may be named."""
     target = given.get("target")
     try:
         return dockerfile.until_stage(whole, text(target))
     except ValueError as error:
         assert target is not None
-        findings.add(target, str(error), ("dockerfile", "target"), code=Code.DOCKERFILE)
+        wrong = str(error) if told else f"the Dockerfile has no stage '{text(target)[:60]}'"
+        findings.add(target, wrong, ("dockerfile", "target"), code=Code.DOCKERFILE)
         return whole
 
 
-def _args(node: Node | None, declared: frozenset[str], findings: Findings) -> dict[str, str]:
-    """Read `args`, a map or a list of NAME=value; what the Dockerfile does not declare would be ignored."""
+def _args(node: Node | None, declared: frozenset[str], findings: Findings, *, told: bool) -> dict[str, str]:
+    """Read `args`, a map or a list of NAME=value; what the Dockerfile does not declare would be ignored.
+
+    With `told`, what it does declare may be named.
+    """
     found: dict[str, str] = {}
     entries = list(node.entries.items()) if isinstance(node, Map) else [(one.text, one) for one in scalars(node)]
     for given, value in entries:
@@ -107,7 +113,8 @@ def _args(node: Node | None, declared: frozenset[str], findings: Findings) -> di
             findings.add(value, f"'{name[:60]}' is given twice", path, code=Code.TWICE)
         elif name not in declared:
             proxy = "a proxy is a setting of the robot's engine" if name.lower() in _PROXIES else ""
-            hint = did_you_mean(name, declared) or proxy or f"write ARG {name[:60]} into the Dockerfile"
+            near = did_you_mean(name, declared) if told else ""
+            hint = near or proxy or f"write ARG {name[:60]} into the Dockerfile"
             findings.add(value, f"no ARG of the Dockerfile declares '{name[:60]}'", path, hint, code=Code.DOCKERFILE)
         found[name] = words
     return found

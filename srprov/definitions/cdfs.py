@@ -11,13 +11,13 @@ from dataclasses import dataclass, field
 
 from msgspec.structs import replace
 
-from srprov import regular_file
 from srprov.codes import Code
 from srprov.definitions import container, paths, remote
 from srprov.definitions.container import Container
+from srprov.definitions.own_lines import meant
 from srprov.definitions.remote import Fetch
 from srprov.definitions.values import text
-from srprov.errors import DefinitionError, did_you_mean
+from srprov.errors import DefinitionError
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Findings, Map, Path, Scalar
 
@@ -48,7 +48,7 @@ def read(
             root, key = remote.located(cdf, fetch, findings, unsupported, path)
             shown = key
         elif isinstance(cdf, Scalar) and cdf.text and not nodes.is_null(cdf):
-            key = _beside(cdf, findings, path)
+            key = _beside(cdf, folder, findings, path)
             shown = paths.shown_beside(cdf.source.file, cdf.text)
         if key and key not in found.by_path and key not in broken:
             try:
@@ -69,13 +69,12 @@ def _loaded(key: str, root: str, folder: str, environ: Mapping[str, str], shown:
     return replace(one, fetched=(*one.fetched, root)) if root else one
 
 
-def _beside(cdf: Scalar, findings: Findings, path: Path) -> str:
+def _beside(cdf: Scalar, folder: str, findings: Findings, path: Path) -> str:
     """Return the absolute path of a CDF on this disk, or nothing."""
     key = paths.named(cdf)
     if "\0" not in key and os.path.isfile(key):
         return key
     what = "is a folder, not a CDF" if os.path.isdir(key.replace("\0", "")) else "does not exist"
-    near = did_you_mean(os.path.basename(key), regular_file.names_beside(key))
-    hint = near or (f"it is looked for at {os.path.relpath(key)}" if "\0" not in key else "")
+    hint = meant(key, folder) or (f"it is looked for at {os.path.relpath(key)}" if "\0" not in key else "")
     findings.add(cdf, f"the CDF '{cdf.text}' {what}", path, hint, code=Code.NO_SUCH_FILE)
     return ""

@@ -80,7 +80,7 @@ def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "", fe
         if findings.problems:
             raise DefinitionError(findings.problems)
     except DefinitionError as error:
-        if (own := reader.own) is None or all(paths.inside(file, folder) for file in reader.files):
+        if (own := reader.own) is None or all(paths.lies_open(file, folder) for file in reader.files):
             raise
         hidden = paths.hide_merged(error.problems, lambda f: _definition(own, absolute, folder, f), shown, folder)
         raise DefinitionError(hidden) from None

@@ -77,7 +77,7 @@ def _load(path: str, environ: Mapping[str, str], fetch: Fetch | None) -> Definit
         experiment = _checked(root, path, read.by_service, environ, findings)
     except DefinitionError as error:
         known_files = {
-            name: one if one and all(paths.inside(file, folder) for file in one.files) else None
+            name: one if one and all(paths.lies_open(file, folder) for file in one.files) else None
             for name, one in read.by_service.items()
         }
         if known_files == read.by_service:

@@ -15,8 +15,9 @@ from collections.abc import Collection
 from srprov import own_records, regular_file, secret_files
 from srprov.codes import Code
 from srprov.definitions.own_content import LARGEST, is_own
+from srprov.definitions.paths import belongs
 from srprov.definitions.version_control import is_kept
-from srprov.errors import Diagnostic, Location
+from srprov.errors import Diagnostic, Location, did_you_mean
 
 
 def hide_own(problems: Collection[Diagnostic], named: str, folder: str) -> list[Diagnostic]:
@@ -61,6 +62,30 @@ def is_users_own(file: str, root: str, secrets: Collection[str]) -> bool:
                 return True
             return is_own(regular_file.read(real, LARGEST))
     return False
+
+
+def may_quote(file: str, folder: str) -> bool:
+    """Return whether names out of a file may be told at the line that names it: it is the experiment's own.
+
+    `hide_own` and `paths.hide_outside` go by where a problem stands, and such a line is in the EDF or CDF.
+    """
+    root = os.path.realpath(folder)
+    return belongs(file, root) and not is_users_own(file, root, secret_files.known())
+
+
+def meant(path: str, folder: str) -> str:
+    """Return as a hint what a path that is not there may mean; nothing where its folder is not the experiment's.
+
+    Args:
+        path: What an EDF or a CDF names.
+        folder: The experiment's.
+    """
+    place = os.path.dirname(path)
+    with contextlib.suppress(OSError, ValueError):
+        root, real = os.path.realpath(folder), os.path.realpath(place)
+        if belongs(real, root) and not own_records.record_around(real, root):
+            return did_you_mean(os.path.basename(path), regular_file.names_beside(path))
+    return ""
 
 
 def _hidden(file: str) -> Diagnostic:

@@ -109,7 +109,7 @@ def hide_merged(
     folder: str,
     known: Findings | None = None,
 ) -> list[Diagnostic]:
-    """Return what is shown of the problems of `file`, merged with one outside of `folder`, of which they may tell.
+    """Return what is shown of the problems of `file`, merged with one that does not lie open in `folder`.
 
     What was known before, and what `alone` adds to it, looking at the files in the folder alone, is shown. All else is
     one problem that has no line: one at each of many guesses would tell which of them that file has. So what is wrong
@@ -121,7 +121,8 @@ def hide_merged(
     shown = findings.problems
     if set(shown) == set(problems):
         return [*shown]
-    message = f"does not fit a file outside of {_name(folder)}, of which nothing is shown"
+    message = f"does not fit a file outside of {_name(folder)}, in .git or the like, or with another name elsewhere"
+    message += " (a hard link), of which nothing is shown"
     hint = "copy that file into the folder to see what is wrong; what else is said here is said without it"
     return [*shown, Diagnostic(Location(file), message, hint=hint, code=Code.OUTSIDE)]
 

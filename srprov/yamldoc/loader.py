@@ -51,6 +51,9 @@ def read_text(
 ) -> str:  # fmt: skip
     """Read a file's text (UTF-8, no byte order mark) of at most `most` bytes; the errors are those of `read`.
 
+    What may be meant by a file that is not there is told where the user named it, not where another file did, which is
+    what `shown` is for: names beside it may be none of that file's business.
+
     `real` is as for `regular_file.read`; `known_as` is the path by which the content is kept, if that is another;
     `times` is how often its bytes count among those of all files, by how often it is gone through.
     """
@@ -65,7 +68,7 @@ def read_text(
                 raise OSError(errno.EFBIG, f"{together}, where it counts {times} times" if times > 1 else together)
     except OSError as error:
         reason = _IN_WORDS.get(type(error), error.strerror)
-        near = regular_file.names_beside(path) if isinstance(error, FileNotFoundError) else []
+        near = regular_file.names_beside(path) if isinstance(error, FileNotFoundError) and not shown else []
         hint = did_you_mean(FilePath(path).name, near)
         raise DefinitionError(
             [Diagnostic(Location(name), f"cannot be read: {reason}", hint=hint, code=Code.UNREADABLE)]

@@ -72,5 +72,5 @@ def test_no_guessed_hash_of_a_file_with_a_second_name_is_confirmed(
 
 def test_what_is_the_experiments_own_is_compared_without_a_word(project: Path) -> None:
     experiment(project, "image: busybox", "e.edf")
-    with pytest.raises(UsageError, match="the file e.edf has changed"):
+    with pytest.raises(UsageError, match=r"the file e\.edf has changed"):
         read_definitions("e.edf", (), locked=True)
