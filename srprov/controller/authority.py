@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from srprov.codes import Code
 from srprov.controller.image_claim import is_own_image, misnamed
-from srprov.controller.overlay_claim import astray, had_twice, underlays_of, wrong_link
+from srprov.controller.overlay_claim import astray, had_twice, record_text, too_many, underlays_of, wrong_link
 from srprov.controller.placement_claim import PlacementClaim, misplaced, unrecorded
 from srprov.controller.robot_files import is_record_path
 from srprov.controller.stated import (
@@ -59,7 +59,7 @@ def check_file(saved: PlanFile, file: str) -> None:
     Raises:
         UsageError: With all of it.
     """
-    if wrong := list(_wrong(saved)):
+    if wrong := list(too_many(wants_of(saved))) or list(_wrong(saved)):
         hint = "somebody changed it, or another version of srprov made it: plan again"
         raise UsageError(f"{file} contradicts itself:\n{named(wrong)}", hint=hint, code=Code.PLAN_CHANGED)
 
@@ -197,7 +197,8 @@ def _is_own(
     """
     if isinstance(want.params, ImageParams) and want.params.source in ("build", "copy"):
         return want.name in contexts and is_own_image(want.params, want.name, contexts[want.name], built)
-    if isinstance(want.params, FileParams) and is_record_path(want.name) and not claim.is_record(want.params.text):
+    is_file = isinstance(want.params, FileParams) and is_record_path(want.name)
+    if is_file and not claim.is_record(record_text(want.params)):
         return False
     at_home = want.service == "" or plan.assignment.get(want.service) == want.host
     return at_home and MODULES[want.module].is_own(want.name, want.params, names)
@@ -229,10 +230,10 @@ def _wrong(saved: PlanFile) -> Iterator[str]:
     for name in sorted(written | {use.source for _, one in services_of(saved) for use in one.secrets}):
         if name not in sources:
             yield f"secrets: nothing says where '{name}' comes from"
-    overlays = [(one.host, one.params) for one in wants_of(saved) if isinstance(one.params, NetworkParams)]
+    overlays = {one.host: one.params for one in wants_of(saved) if isinstance(one.params, NetworkParams)}
     for want in wants_of(saved):
         if isinstance(want.params, VxlanParams | VxlanFilterParams):
-            yield from wrong_link(want, want.params, [network for host, network in overlays if host == want.host])
+            yield from wrong_link(want, want.params, [overlays[want.host]] if want.host in overlays else [])
     yield from misnamed(wants_of(saved))
     yield from had_twice(wants_of(saved))
     yield from misplaced(plan, wants_of(saved))

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import functools
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 from srprov.codes import Code
 from srprov.controller.robot_files import is_record_path
 from srprov.errors import RefusedError
+from srprov.facts.placements import MOST_OF_RECORDS
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.file import FileParams
 from srprov.modules.network import NetworkParams
@@ -22,20 +24,54 @@ from srprov.planning.planfile import PlanFile
 from srprov.resource import Resource
 from srprov.untrusted import json_or_none, mapping
 
+_ONE_EACH: dict[type, str] = {NetworkParams: "network", VxlanParams: "link", VxlanFilterParams: "link's filter"}
+
 
 def vteps_of(want: Resource) -> Collection[str]:
     """Return where packets go, or come from, by what a resource says: a link, its filter, or a placement's record."""
     if isinstance(want.params, VxlanParams | VxlanFilterParams | WireguardPeersParams):
         return want.params.vteps
     if isinstance(want.params, FileParams) and is_record_path(want.name):
-        return _vteps_of_record(want.params.text)
+        return _vteps_of_record(record_text(want.params))
     return ()
 
 
+def record_text(params: FileParams) -> str:
+    """Return what a placement's record says, as one text for all robots that have the same bytes."""
+    return _decoded(params.blob) if params.blob is not None else params.text
+
+
 @functools.lru_cache(maxsize=4)  # all robots have one
+def _decoded(blob: bytes) -> str:
+    return blob.decode("utf-8", "replace")
+
+
+@functools.lru_cache(maxsize=4)
 def _vteps_of_record(text: str) -> Collection[str]:
     record = read_record(mapping(json_or_none(text)))
     return tuple(record.vteps.values()) if record else ()
+
+
+def too_many(wants: Sequence[Resource]) -> Iterator[str]:
+    """Say which robot has more of an overlay than a plan makes, or a record that is longer than one is read.
+
+    Everything of an overlay is compared with all of it: this comes first.
+    """
+    found = Counter[tuple[str, str]]()
+    longest = dict[str, int]()
+    for want in wants:
+        what = _ONE_EACH.get(type(want.params), "")
+        if isinstance(want.params, FileParams) and is_record_path(want.name):
+            what, length = "record of the placement", len(want.params.content or want.params.blob or b"")
+            longest[want.host] = max(length, longest.get(want.host, 0))
+        if what:
+            found[want.host, what] += 1
+    for (robot, what), count in sorted(found.items()):
+        if count > 1:
+            yield f"{robot}: it would have {count} of what a plan has once for each robot: a {what}"
+    for robot, length in sorted(longest.items()):
+        if length > MOST_OF_RECORDS:
+            yield f"{robot}: its record of the placement is longer than {MOST_OF_RECORDS >> 20} MiB"
 
 
 def wrong_link(
@@ -101,7 +137,10 @@ def mixed_up(
             ends.setdefault(want.host, set()).add(want.params.address)
         elif isinstance(want.params, NetworkParams):  # a robot's address in the tunnel is that of its bridge
             ends.setdefault(want.host, set()).add(want.params.gateway)
-    whose = {end: {robot for robot, some in ends.items() if end in some} for some in ends.values() for end in some}
+    whose: dict[str, set[str]] = {}
+    for robot, some in ends.items():
+        for end in some:
+            whose.setdefault(end, set()).add(robot)
     for want in steps:
         if isinstance(want.params, WireguardPeersParams) and not all(
             underlays.get(robot) == host_of(endpoint) and whose.get(end) == {robot}
@@ -122,8 +161,14 @@ def misled(steps: Iterable[Resource], wants: Sequence[Resource], underlays: Mapp
     homes = [(link.bridge_mac, want.host) for want in wants if type(link := want.params) is VxlanParams]
     homes += [(one.network.mac, want.host) for want in wants
               if isinstance(one := want.params, ContainerParams) and one.network.mac]  # fmt: skip
+    there = Counter(at for _, at in homes if at in members)
+    entries = there.total()
     for want in steps:
         if not isinstance(link := want.params, VxlanParams):
+            continue
+        # as many as there are others and services there: who has written less is not compared with all of them
+        if len(link.fdb) != len(members) - (want.host in members) + entries - there[want.host]:
+            yield want
             continue
         others = {robot: ends.get(robot, "") for robot in members if robot != want.host}
         fdb = {(FLOOD, end) for end in others.values()} | {(mac, others[at]) for mac, at in homes if at in others}

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from srprov.controller import plan as planning
 from srprov.controller import services
-from srprov.controller.authority import asked, check_file
+from srprov.controller.authority import asked, check_file, wants_of
 from srprov.controller.owners import owners_folder
 from srprov.controller.saved import check_plan, kept_plan, plan_file
 from srprov.errors import RefusedError, UsageError
@@ -214,8 +214,8 @@ def test_a_robot_that_is_away_gets_nothing_where_another_one_has_its_address(wor
 
 
 def test_a_robot_is_at_an_address_in_the_record_of_a_plan_file(world: World) -> None:
-    """It was any text that the file itself said twice, 5 MB of it: then no record on the robots was read any more."""
-    long, true = "x" * 5_000_000, planning.record
+    """It was any text that the file itself said twice, 3 MB of it: then no record on the robots was read any more."""
+    long, true = "x" * 3_000_000, planning.record
 
     def lying(*args: Any, **more: Any) -> dict[str, Any]:
         said = copy.deepcopy(true(*args, **more))
@@ -231,6 +231,15 @@ def test_a_robot_is_at_an_address_in_the_record_of_a_plan_file(world: World) -> 
     assert "playbook" in {one.kind for one in asked(saved)}
     with pytest.raises(UsageError, match="asks for playbook"):
         check_file(replace(saved, plan=replace(saved.plan, permissions=())), "plan.json")
+
+
+def test_a_plan_file_that_has_a_robot_have_two_networks_is_refused_first(world: World) -> None:
+    """All links are compared with all networks: 8000 of both took 38 s."""
+    saved = kept_plan(planned(world, NEW))
+    network = next(one for one in wants_of(saved) if one.module == "network")
+    with pytest.raises(UsageError, match="has once for each robot: a network") as wrong:
+        check_file(replace(saved, also_wanted=(*saved.also_wanted, network), fingerprints={}), "plan.json")
+    assert "fingerprints" not in str(wrong.value)
 
 
 @pytest.mark.parametrize("length", [5000, 5001])
