@@ -83,7 +83,7 @@ def permit_compared(definitions: Definitions, allowed: Collection[str]) -> None:
     Raises:
         RefusedError: Names every permission that is missing.
     """
-    permit_files(asked_for(definitions, _NO_ROBOTS), allowed)
+    permit_files(asked_for(definitions, NO_ROBOTS), allowed)
 
 
 def has_names_elsewhere(path: str, folder: str = "") -> bool:
