@@ -29,6 +29,8 @@ _LONGEST_NAMES = 1 << 20
 _PER_NAME = 32
 _MOST_STEPS = 30_000
 """Of all paths: a thousand behind two links each, gone through ten times."""
+_OF_ONE_STEP = 80
+"""Characters of a path; longer ones lie in more folders, and count more."""
 
 Look = Callable[[str, Mapping[str, Collection[str]]], Mapping[str, Mapping[str, Found]]]
 """Asks a robot, for a path, what is at names: folder of the robot -> names below it, and -> what is at those there."""
@@ -121,7 +123,7 @@ class Walk:
         raise self._refused(path, "links lead in a circle", "")
 
     def _count(self, path: str, whole: str) -> None:
-        self._steps += 1
+        self._steps += 1 + len(whole) // _OF_ONE_STEP
         if is_too_long(whole):
             raise self._refused(path, "it is, or its links make it, longer than a path of Linux", "")
         if self._steps > _MOST_STEPS:
