@@ -77,7 +77,7 @@ def write_experiment(folder: Path, files: Mapping[str, str] = FILES) -> Path:
 
 def planned(world: World, edf: Path) -> TrialPlan:
     """Return what is planned for the experiment's trials."""
-    definitions = load_experiment(edf)
+    definitions = load_experiment(edf, outside=True)
     return trial_plan(made(world, definitions, PlanRequest(allowed=frozenset(ASKED_FIRST))), inventory(world), ())
 
 

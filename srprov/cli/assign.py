@@ -43,18 +43,17 @@ def assign(
     Exits with 8 when there is no placement, and says which services are in each other's way; with 4 when a robot
     cannot be reached.
     """
-    definitions, inventory = inputs.load_experiment(file, request.profiles), inputs.load_inventory(inventories)
+    allowed = permitted(allow)[1]
+    definitions = inputs.load_experiment(file, request.profiles, allowed)
+    inventory = inputs.load_inventory(inventories)
     if definitions.experiment.remote:
+        why = "a CDF is in a git repository: what it requires of a robot is not known here"
         hint = "`srprov plan --allow git` fetches it, and shows the placement"
-        raise UsageError(
-            "a CDF is in a git repository: what it requires of a robot is not known here",
-            hint=hint,
-            code=Code.REPOSITORY,
-        )
+        raise UsageError(why, hint=hint, code=Code.REPOSITORY)
     from srprov.controller.choice import checked_choice, idle_notes, read_decided
     from srprov.controller.permissions import permit_files
 
-    permit_files(definitions, permitted(allow)[1])
+    permit_files(definitions, allowed)
     before = None
     if stored:
         snapshot, decided = stored_facts(stored, inventory)

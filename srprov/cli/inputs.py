@@ -104,11 +104,14 @@ def load_chosen(paths: tuple[str, ...], limit: str, exclude: str) -> Inventory:
     return replace(whole, hosts={name: host for name, host in whole.hosts.items() if name in chosen})
 
 
-def load_experiment(path: str, wanted: Collection[str] = ("*",)) -> Definitions:
-    """Read an EDF and its CDFs, with the services of the wanted profiles, by default of all."""
+def load_experiment(path: str, wanted: Collection[str] = ("*",), allowed: Collection[str] = ()) -> Definitions:
+    """Read an EDF and its CDFs, with the services of the wanted profiles, by default of all.
+
+    Files that are not the experiment's own are looked at when `allowed` has that kind of permission.
+    """
     from srprov.definitions import load_experiment as load
 
-    return load(path, profiles=wanted)
+    return load(path, profiles=wanted, outside=not {"outside", "all"}.isdisjoint(allowed))
 
 
 def experiment_if_valid(path: str) -> Experiment | None:

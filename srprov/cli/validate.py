@@ -13,6 +13,12 @@ from srprov.cli.output import err, out
 @click.argument("files", nargs=-1, required=True, metavar="FILES...")
 @options.PROFILES
 @click.option(
+    "--allow",
+    multiple=True,
+    type=click.Choice(["outside"]),
+    help="Look at files that are not the experiment's own, too.",
+)
+@click.option(
     "--format",
     "form",
     type=click.Choice(["text", "json", "sarif", "codequality"]),
@@ -20,20 +26,21 @@ from srprov.cli.output import err, out
     show_default=True,
     help="How problems are shown; sarif and codequality are what GitHub and GitLab take.",
 )
-def validate(files: tuple[str, ...], profiles: tuple[str, ...], form: str) -> int:
+def validate(files: tuple[str, ...], profiles: tuple[str, ...], allow: tuple[str, ...], form: str) -> int:
     """Check EDFs, CDFs, Dockerfiles and inventories, and every file that they name; show everything that is wrong.
 
     Of a folder, all EDFs and CDFs in it and below, but for records of runs; one that has none is read as an inventory.
-    Nothing is run: an inventory that is a program is refused.
+    Nothing is run: an inventory that is a program is refused. Files that an EDF or a CDF names outside of the
+    experiment's folder are looked at with --allow outside; without, each is a warning.
 
     A warning is about what is allowed and may not be meant; the exit code is 0.
     """
     from srprov.cli.problems import as_codequality, as_json, as_sarif, render_problems
-    from srprov.definitions import check_files, remarks, with_files_below
+    from srprov.definitions import checked, remarks, with_files_below
 
     files = tuple(with_files_below(files))
-    problems = check_files(files, profiles)
-    warnings = [] if problems else remarks(files)
+    problems, left = checked(files, profiles, outside=bool(allow))
+    warnings = [] if problems else sorted([*left, *remarks(files)])
     if form == "text":
         for found, word in ((problems, "error"), (warnings, "warning")):
             if found:
@@ -42,7 +49,7 @@ def validate(files: tuple[str, ...], profiles: tuple[str, ...], form: str) -> in
         written = {"json": as_json, "sarif": as_sarif, "codequality": as_codequality}[form]
         out(written(problems, warnings))
     count = len(problems)
-    checked = f"{len(files)} file{'s' if len(files) != 1 else ''}"
-    summary = f"{count} problem{'s' if count != 1 else ''} in {checked}" if count else f"{checked} valid"
+    counted = f"{len(files)} file{'s' if len(files) != 1 else ''}"
+    summary = f"{count} problem{'s' if count != 1 else ''} in {counted}" if count else f"{counted} valid"
     (out if form == "text" else err)(summary)
     return USAGE if problems else 0

@@ -69,7 +69,7 @@ def known_secrets(folder: Path, names: Collection[str]) -> NotRead:
         apart.update(set(taken) - given_to_it)
         missing.update(given_to_it & set(taken) - environ.keys())
         try:
-            experiment = load_experiment(edf, {**dict.fromkeys(taken, ""), **environ}).experiment
+            experiment = load_experiment(edf, {**dict.fromkeys(taken, ""), **environ}, home=str(folder)).experiment
         except DefinitionError as error:
             raise UsageError(
                 f"{edf}: {error.problems[0].message}",

@@ -28,7 +28,7 @@ from srprov.definitions.lockfile import lock_path
 from srprov.definitions.model import Definitions, Inventory, Service
 from srprov.definitions.own_content import LARGEST, is_own
 from srprov.definitions.paths import inside
-from srprov.definitions.taken import in_words
+from srprov.definitions.taken import ANYBODY, in_words
 from srprov.definitions.version_control import is_from_elsewhere, names_in
 from srprov.git.cache import folders
 from srprov.images.context import folder_items
@@ -40,8 +40,6 @@ COPIED_FIRST = ("git", "outside")
 NO_ROBOTS = Inventory(hosts={}, groups={})
 """Where nobody named any."""
 _RECORD = "it is srprov's own record, or what it keeps secrets in"
-_ANYBODY = "the experiment"
-"""Whose a file is that is read as a definition: its blank makes it no service's name."""
 
 
 def asked_for(definitions: Definitions, inventory: Inventory) -> Definitions:
@@ -50,7 +48,7 @@ def asked_for(definitions: Definitions, inventory: Inventory) -> Definitions:
     secrets = {one.file for one in experiment.secrets.values() if one.file} | secret_files.known()
     own = _Own({*inventory.own_files, *secrets}, inventory.own_files, os.path.realpath(experiment.folder))
     read = {*experiment.files, lock_path(experiment.file)}
-    found = {(_ANYBODY, one) for one in own.among(map(os.path.realpath, read))}
+    found = {(ANYBODY, one) for one in own.among(map(os.path.realpath, read))}
     for service in experiment.services.values():
         files = (experiment.secrets[use.source].file for use in service.secrets)
         found |= {(service.name, path) for path in files if path and has_names_elsewhere(path, own.folder)}

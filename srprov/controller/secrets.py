@@ -20,7 +20,7 @@ from srprov.controller.permissions import permit_planning
 from srprov.definitions.model import Definitions
 from srprov.definitions.secrets import files_of
 from srprov.definitions.secretvalues import resolve, used
-from srprov.definitions.taken import in_words
+from srprov.definitions.taken import ANYBODY, in_words
 from srprov.planning.policy import Permission, permissions
 from srprov.record.memory import note_secret_files
 from srprov.secret import Vault
@@ -107,7 +107,7 @@ def _of_elsewhere(plan: Plan) -> list[Permission]:
     """Return what a plan file does not say of the files of its secrets: one may have its name from an archive."""
     files = {one.file for one in secret_sources(plan) if one.file}
     return [
-        Permission(kind="outside", service="the experiment", what=in_words(one))
+        Permission(kind="outside", service=ANYBODY, what=in_words(one))
         for one in sorted(files)
         if has_names_elsewhere(one)
     ]

@@ -129,7 +129,7 @@ def _tree(commits: Mapping[tuple[str, str], str], url: str, ref: str) -> str:
 def fetched(
     file: str, allowed: Collection[str], fetch: Callable[[str, str], str], environ: Mapping[str, str] | None = None
 ) -> Definitions:
-    """Read an EDF with every file that it names; CDFs in git repositories are fetched when the user allowed it.
+    """Read an EDF with every file that it names, when the user allowed it: those elsewhere, and CDFs in git.
 
     Args:
         file: The EDF.
@@ -145,13 +145,16 @@ def fetched(
         from srprov.controller.secrets import note_named
 
         note_named(file, allowed)
-    found = load_experiment(file, environ)
-    if not found.experiment.remote:
+    outside = not {"outside", "all"}.isdisjoint(allowed)
+    found = load_experiment(file, environ, outside=outside)
+    if not found.unsupported:
         return found
     from srprov.controller.permissions import permit_planning
     from srprov.planning.policy import Permission, permissions
 
     permit_planning(permissions(found.experiment, found.containers), allowed)
+    if not found.experiment.remote:
+        return found
     named = {url for _, url, _ in found.experiment.remote}
 
     def asked(url: str, ref: str) -> str:
@@ -160,7 +163,10 @@ def fetched(
             permit_planning([Permission(kind="outside", service="a CDF in a repository", what=path)], allowed)
         return fetch(url, ref)
 
-    return load_experiment(file, environ, fetch=asked)
+    found = load_experiment(file, environ, fetch=asked, outside=outside)
+    if found.unsupported:  # a CDF that was fetched names files that are not in its repository
+        permit_planning(permissions(found.experiment, found.containers), allowed)
+    return found
 
 
 def is_edf_name(file: str) -> bool:

@@ -7,12 +7,12 @@ field means is in `schemas/` and in docs/definitions.md.
     schema, schema_cache   document (`yamldoc`) and JSON Schema -> problems
     paths, named_links, values, mounts  what a text stands for
     merging, runtime       one definition over another -> run-time part
-    container, dockerfile, build, cdfs, cdf_folder, remote  CDFs, also in git
+    container, extends, dockerfile, build, cdfs, cdf_folder, remote  CDFs, also in git
     service, envfile, checks, experiment, pins  EDF
     dollars, file_named_volumes  what is allowed and surprises people who come from Compose
     foreign_keys           keys that other tools have
     template, playbook, playbookmodel  playbooks that users write
-    taken                  what comes from outside of the experiment's folder
+    taken, hiding          what comes from outside of the experiment's folder, and what problems tell of it
     secrets, secretmodel, secretvalues  where secrets come from, and what they are
     formatting  EDFs and CDFs in one form
     starter     a new experiment
@@ -27,6 +27,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from srprov.codes import Code
 from srprov.errors import DefinitionError, Diagnostic
 
 if TYPE_CHECKING:
@@ -40,26 +41,32 @@ def load_experiment(
     fetch: Callable[[str, str], str] | None = None,
     *,
     profiles: Collection[str] = ("*",),
+    outside: bool = False,
+    home: str = "",
 ) -> Definitions:
     """Read an EDF and every file that it names; `environ` (default: the process's) gives bare names in `environment`.
 
     `fetch` gives a folder with the files of a repository's branch, tag or commit; without it no CDF is fetched.
-    Services that have profiles are left out unless one of theirs is among `profiles`, or `*`.
+    Services that have profiles are left out unless one of theirs is among `profiles`, or `*`. Files that are not the
+    experiment's own are looked at with `outside` alone: the user allowed it. Its own lie in `home`, by default in the
+    EDF's folder.
 
     What validates but could not be read is listed in `Definitions.unsupported`; whoever acts must refuse it.
 
     Raises:
         DefinitionError: With everything that is wrong.
     """
-    from srprov.definitions import experiment, paths
+    from srprov.definitions import experiment, hiding, paths
     from srprov.definitions.own_lines import hide_own
     from srprov.definitions.profiles import chosen
 
     try:
-        return chosen(experiment.load(str(path), os.environ if environ is None else environ, fetch), profiles)
+        home = "" if outside else home or os.path.dirname(os.path.abspath(path))
+        found = experiment.load(str(path), os.environ if environ is None else environ, fetch, home)
+        return chosen(found, profiles)
     except DefinitionError as error:
         folder = paths.folder_of(str(path))
-        raise DefinitionError(hide_own(paths.hide_outside(error.problems, folder), str(path), folder)) from None
+        raise DefinitionError(hide_own(hiding.hide_outside(error.problems, folder), str(path), folder)) from None
 
 
 def load_container(path: str | Path, environ: Mapping[str, str] | None = None) -> ContainerDefinition:
@@ -68,18 +75,27 @@ def load_container(path: str | Path, environ: Mapping[str, str] | None = None) -
     Raises:
         DefinitionError: With everything that is wrong.
     """
-    from srprov.definitions import cdf_folder, container, paths
+    return _container(path, environ, outside=True)[0]
+
+
+def _container(
+    path: str | Path, environ: Mapping[str, str] | None, *, outside: bool
+) -> tuple[ContainerDefinition, tuple[Diagnostic, ...]]:  # and what it names that was not looked at
+    from srprov.definitions import cdf_folder, container, hiding, paths, schema
     from srprov.definitions.own_lines import hide_own
     from srprov.yamldoc import loader
+    from srprov.yamldoc.allowance import allowance
 
     if not os.path.lexists(path):
         loader.read_text(path)  # it says what the user, who named it, may have meant
     folder = cdf_folder.experiment_folder(str(path))
+    told = paths.folder_of(str(path)) if paths.link_out(str(path)) else folder
     try:
-        return container.load(str(path), folder, os.environ if environ is None else environ).definition
+        with allowance(schema.MOST_BYTES, schema.MOST_VALUES, "" if outside else folder) as limits:
+            found = container.load(str(path), folder, os.environ if environ is None else environ).definition
+        return found, hiding.without_words((one.note for one in limits.left), told)
     except DefinitionError as error:
-        told = paths.folder_of(str(path)) if paths.link_out(str(path)) else folder
-        raise DefinitionError(hide_own(paths.hide_outside(error.problems, told), str(path), folder)) from None
+        raise DefinitionError(hide_own(hiding.hide_outside(error.problems, told), str(path), folder)) from None
 
 
 def load_inventory(paths: Sequence[str | Path], unnamed: Collection[str] = (), *, run: bool = True) -> Inventory:
@@ -146,20 +162,30 @@ def with_files_below(paths: Sequence[str]) -> list[str]:
 
 
 def check_files(paths: Sequence[str | Path], profiles: Collection[str] = ()) -> list[Diagnostic]:
+    """Return the problems that `checked` finds."""
+    return checked(paths, profiles)[0]
+
+
+def checked(
+    paths: Sequence[str | Path], profiles: Collection[str] = (), *, outside: bool = False
+) -> tuple[list[Diagnostic], list[Diagnostic]]:
     """Return every problem of EDFs, CDFs, Dockerfiles and inventories, sorted; suffix or content tells the kind.
 
     An EDF must also make sense without the services whose `profiles` are not named.
 
+    Returns:
+        The problems, and what was not looked at, without `outside`: files that are not the experiment's own.
+
     Raises:
         UsageError: An EDF has no service with such a profile.
     """
-    found: set[Diagnostic] = set()
+    found, left = set[Diagnostic](), set[Diagnostic]()
     for path in paths:
         try:
-            _check(str(path), profiles)
+            left.update(_check(str(path), profiles, outside=outside))
         except DefinitionError as error:
             found.update(error.problems)
-    return sorted(found)
+    return sorted(found), sorted(left)
 
 
 def remarks(paths: Sequence[str | Path]) -> list[Diagnostic]:
@@ -183,18 +209,19 @@ def remarks(paths: Sequence[str | Path]) -> list[Diagnostic]:
     return sorted(found)
 
 
-def _check(path: str, wanted: Collection[str]) -> None:
+def _check(path: str, wanted: Collection[str], *, outside: bool) -> Collection[Diagnostic]:
     kind = file_kind(path)
     if kind == "edf":
         from srprov.definitions import lockfile
 
-        load_experiment(path, profiles=wanted)
+        found = load_experiment(path, profiles=wanted, outside=outside)
         lockfile.load(lockfile.lock_path(path))
-    elif kind == "cdf":
-        load_container(path)
-    else:
-        # who checks files takes what a pattern finds, as a CI does with those of a stranger's branch
-        load_inventory([path], run=False)
+        return [one for one in found.unsupported if one.code == Code.OUTSIDE]
+    if kind == "cdf":
+        return _container(path, None, outside=outside)[1]
+    # who checks files takes what a pattern finds, as a CI does with those of a stranger's branch
+    load_inventory([path], run=False)
+    return ()
 
 
 def file_kind(path: str) -> str:
@@ -203,7 +230,7 @@ def file_kind(path: str) -> str:
     Raises:
         DefinitionError: Its content has to tell, and it cannot be read.
     """
-    from srprov.definitions import dockerfile, files_below, paths
+    from srprov.definitions import dockerfile, files_below, hiding, paths
     from srprov.yamldoc import loader
     from srprov.yamldoc.nodes import Map
 
@@ -216,7 +243,7 @@ def file_kind(path: str) -> str:
     try:
         root = loader.read(path)
     except DefinitionError as error:
-        raise DefinitionError(paths.hide_outside(error.problems, paths.folder_of(path))) from None
+        raise DefinitionError(hiding.hide_outside(error.problems, paths.folder_of(path))) from None
     keys = set(root.entries) if isinstance(root, Map) else set()
     if "edf" in keys or ("services" in keys and "all" not in keys):
         return "edf"

@@ -53,8 +53,10 @@ def written(node: Node | None, folder: str, findings: Findings) -> Written:
         named = given.get("context", Scalar(node.source, node.line, node.column, "."))
         assert isinstance(named, Scalar)
         context = paths.resolve(named, folder, findings, ("dockerfile", "context"))
-        if context and not os.path.isdir(context):
+        if context and not paths.is_closed(context) and not os.path.isdir(context):
             findings.add(named, f"'{named.text}' is no folder", ("dockerfile", "context"), code=Code.NO_SUCH_FILE)
+    if paths.is_left(place, path, ("dockerfile",)):
+        return Written(path=path, context=context)
     if os.path.isdir(path):
         findings.add(place, f"'{place.text}' is a folder, not a Dockerfile", ("dockerfile",), code=Code.NO_SUCH_FILE)
         return Written(path=path)

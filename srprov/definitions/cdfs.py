@@ -29,9 +29,11 @@ class Cdfs:
     by_path: dict[str, Container] = field(default_factory=dict)
     """Absolute path of a CDF -> what it says."""
     by_service: dict[str, Container | None] = field(default_factory=dict)
-    """None for a service with an image, or whose CDF is wrong or not fetched."""
+    """None for a service with an image, or whose CDF is wrong, not fetched, or not looked at."""
     remote: list[tuple[str, str, str]] = field(default_factory=list)
     """(service, address, branch, tag or commit) of what is in git repositories."""
+    left: list[tuple[str, str]] = field(default_factory=list)
+    """(service, path) of what a service's CDF names and was not looked at."""
 
 
 def read(
@@ -58,6 +60,7 @@ def read(
                 broken.add(key)
         found.by_service[name] = one = found.by_path.get(key)
         found.remote += [(name, *repository) for repository in (one.remote if one else ())]
+        found.left += [(name, path) for path in (one.left if one else ())]
     for one in found.by_path.values():
         unsupported.extend(one.unsupported)
     return found
@@ -72,8 +75,11 @@ def _loaded(key: str, root: str, folder: str, environ: Mapping[str, str], shown:
 def _beside(cdf: Scalar, folder: str, findings: Findings, path: Path) -> str:
     """Return the absolute path of a CDF on this disk, or nothing."""
     key = paths.named(cdf)
-    if "\0" not in key and os.path.isfile(key):
-        return key
+    if "\0" not in key:
+        if paths.is_left(cdf, key, path):
+            return ""
+        if os.path.isfile(key):
+            return key
     what = "is a folder, not a CDF" if os.path.isdir(key.replace("\0", "")) else "does not exist"
     hint = meant(key, folder) or (f"it is looked for at {os.path.relpath(key)}" if "\0" not in key else "")
     findings.add(cdf, f"the CDF '{cdf.text}' {what}", path, hint, code=Code.NO_SUCH_FILE)

@@ -155,8 +155,8 @@ def _conditions(
 ) -> None:
     for other, wanted in one.depends_on.items():
         target, path = services.get(other), ("services", one.name, "depends_on", other)
-        if target is None or (not target.image and containers[other] is None):
-            continue  # what is wrong with it is told elsewhere
+        if target is None or not (target.image or ((cdf := containers[other]) and cdf.whole)):
+            continue  # what is wrong with it is told elsewhere, or is not known yet
         place = nodes.find(entry, ("depends_on", other, "condition"))
         if wanted == "healthy" and not _known_healthcheck(containers[other], target.runtime.healthcheck):
             where = "in the EDF" if target.image else "in the EDF or the CDF"

@@ -14,29 +14,15 @@ from types import MappingProxyType
 import msgspec
 
 from srprov.codes import Code
-from srprov.definitions import (
-    build,
-    dockerfile,
-    images,
-    merging,
-    paths,
-    remote,
-    requirements,
-    right_kind,
-    runtime,
-    schema,
-    unresolved,
-)  # fmt: skip
+from srprov.definitions import build, dockerfile, hiding, images, merging, paths, requirements, runtime, schema
 from srprov.definitions.containermodel import ContainerDefinition
+from srprov.definitions.extends import ExtendsReader
 from srprov.definitions.remote import Fetch
 from srprov.definitions.values import text, texts
-from srprov.errors import DefinitionError, Diagnostic, Location
-from srprov.yamldoc import loader, nodes
+from srprov.errors import DefinitionError, Diagnostic
+from srprov.yamldoc import nodes
 from srprov.yamldoc.allowance import allowance
-from srprov.yamldoc.nodes import Findings, Map, Node, Scalar, Source
-
-_LONGEST_CHAIN = 10
-_MERGED_TAGS = merging.RUNTIME_MERGED | merging.BUILD_MERGED | {"requires"}
+from srprov.yamldoc.nodes import Findings, Map
 
 
 class Container(msgspec.Struct, frozen=True, kw_only=True):
@@ -51,6 +37,13 @@ class Container(msgspec.Struct, frozen=True, kw_only=True):
     """(address, branch, tag or commit) of the CDFs in git repositories that it extends."""
     fetched: tuple[str, ...] = ()
     """Folders that were fetched for it."""
+    left: tuple[str, ...] = ()
+    """Paths of what it names and nobody may look at yet."""
+
+    @property
+    def whole(self) -> bool:
+        """Return whether all that it is made from was read."""
+        return not self.unsupported and not self.left
 
     @property
     def image_has_healthcheck(self) -> bool:
@@ -69,21 +62,13 @@ def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "", fe
     """
     absolute, shown = os.path.abspath(path), shown or path
     findings, unsupported = Findings(), Findings()
-    with allowance(schema.MOST_BYTES, schema.MOST_VALUES):
-        reader = _ExtendsReader(environ, findings, unsupported, fetch)
+    with allowance(schema.MOST_BYTES, schema.MOST_VALUES) as limits:
+        known = len(limits.left)
+        reader = ExtendsReader(environ, findings, unsupported, fetch)
         layer = reader.read(absolute, shown, ())
-    if findings.problems or layer is None:
-        raise DefinitionError(findings.problems)
-    try:
-        _check_origin(layer, findings, bool(unsupported.problems))
-        definition = _definition(layer, absolute, folder, findings)
-        if findings.problems:
+        if findings.problems or layer is None:
             raise DefinitionError(findings.problems)
-    except DefinitionError as error:
-        if (own := reader.own) is None or all(paths.lies_open(file, folder) for file in reader.files):
-            raise
-        hidden = paths.hide_merged(error.problems, lambda f: _definition(own, absolute, folder, f), shown, folder)
-        raise DefinitionError(hidden) from None
+        definition = _whole(layer, absolute, shown, folder, reader)
     return Container(
         definition=definition,
         layer=merging.select(layer, runtime.RUNTIME_FIELDS),
@@ -91,109 +76,31 @@ def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "", fe
         unsupported=tuple(unsupported.problems),
         remote=tuple(reader.remote),
         fetched=tuple(reader.fetched),
+        left=tuple(one.path for one in limits.left[known:]),
     )
 
 
-class _ExtendsReader:
-    """Reads a CDF and what it extends, each file once; `trail` holds the files on the way here."""
-
-    def __init__(
-        self, environ: Mapping[str, str], findings: Findings, unsupported: Findings, fetch: Fetch | None
-    ) -> None:
-        self.fetch = fetch
-        self.remote: list[tuple[str, str]] = []
-        self.fetched: list[str] = []
-        self.environ = environ
-        self.findings = findings
-        self.unsupported = unsupported
-        self.files: list[str] = []
-        self.own: Map | None = None  # the first file's layer, with nothing merged
-
-    def read(self, path: str, shown: str, trail: tuple[str, ...]) -> Map | None:
-        """Return the merged layer, or None when something is wrong (it is in the findings)."""
-        own = Findings()
-        self.files.append(path)
-        try:
-            if dockerfile.is_dockerfile(path):
-                return _as_layer(path, shown)
-            root = right_kind.read(path, "cdf", shown)
-        except DefinitionError as error:
-            self.findings.extend(error.problems)
-            return None
-        if not isinstance(root, Map):
-            message = "the file is empty" if root is None else f"a CDF is a map, not {nodes.kind(root)}"
-            self.findings.extend([Diagnostic(Location(shown), message, hint="begin with cdf: 1", code=Code.WRONG_TYPE)])
-            return None
-        schema.check(root, "cdf", own)
-        schema.check_tags(root, own, _MERGED_TAGS)
-        unresolved.check(root, (), own)
-        layer = merging.normalise(root, self.environ, own, ()) if not own.problems else root
-        self.own = self.own or layer
-        parent = self._parent(root, path, shown, trail, own)
-        self.findings.extend(own.problems)
-        if own.problems or parent is None:
-            # what a CDF that was not fetched says is not known; without it, what is here must still fit together
-            unknown = self.fetch is None and isinstance(root.entries.get("extends"), Map)
-            return layer if not own.problems and ("extends" not in root.entries or unknown) else None
-        return _overlay(parent, layer)
-
-    def _parent(self, root: Map, path: str, shown: str, trail: tuple[str, ...], own: Findings) -> Map | None:
-        extends = root.entries.get("extends")
-        if extends is None or own.broken(("extends",)):
-            return None
-        target, name = self._target(extends, path, shown, own)
-        if not target:
-            return None
-        if target in (*trail, path):
-            steps = [*trail, path]
-            circle = [*steps[steps.index(target) :], target]
-            message = f"extends itself: {' -> '.join(os.path.basename(step) for step in circle)}"
-            own.add(extends, message, ("extends",), code=Code.DEPENDENCY)
-            return None
-        if len(trail) >= _LONGEST_CHAIN:
-            own.add(extends, f"more than {_LONGEST_CHAIN} CDFs extend each other", ("extends",), code=Code.TOO_LARGE)
-            return None
-        return self.read(target, name, (*trail, path))
-
-    def _target(self, extends: Node, path: str, shown: str, own: Findings) -> tuple[str, str]:
-        """Return the path of the CDF that is extended, and its name for messages; empty where there is none."""
-        if isinstance(extends, Map):
-            self.remote.append((text(extends.entries.get("git")), text(extends.entries.get("ref"))))
-            folder, target = remote.located(extends, self.fetch, own, self.unsupported, ("extends",))
-            self.fetched += [folder] if folder else []
-            return target, target
-        if not isinstance(extends, Scalar) or not extends.text:
-            return "", ""
-        target = os.path.normpath(os.path.join(os.path.dirname(path), extends.text))
-        if "\0" in target or not os.path.isfile(target):
-            message, hint = f"there is no CDF '{extends.text}'", f"it is looked for at {target}"
-            own.add(extends, message, ("extends",), hint, code=Code.NO_SUCH_FILE)
-            return "", ""
-        return target, paths.shown_beside(shown, extends.text)
-
-
-def _as_layer(path: str, shown: str) -> Map:
-    """Return a Dockerfile as the CDF that it stands for.
+def _whole(layer: Map, path: str, shown: str, folder: str, reader: ExtendsReader) -> ContainerDefinition:
+    """Return what a merged layer says.
 
     Raises:
-        DefinitionError: It cannot be read.
+        DefinitionError: With everything that is wrong, of files elsewhere nothing but that something is.
     """
-    source = Source(shown, tuple(loader.read_text(path, shown, dockerfile.MAX_BYTES).split("\n")))
-    key = Scalar(source, 1, 1, "dockerfile")
-    return Map(source, 1, 1, {"dockerfile": Scalar(source, 1, 1, os.path.basename(path))}, {"dockerfile": key})
+    findings = Findings()
+    try:
+        _check_origin(layer, findings, unknown_parent=reader.unknown)
+        definition = _definition(layer, path, folder, findings)
+        if findings.problems:
+            raise DefinitionError(findings.problems)
+    except DefinitionError as error:
+        if (own := reader.own) is None or all(paths.lies_open(file, folder) for file in reader.files):
+            raise
+        hidden = hiding.hide_merged(error.problems, lambda f: _definition(own, path, folder, f), shown, folder)
+        raise DefinitionError(hidden) from None
+    return definition
 
 
-def _overlay(parent: Map, child: Map) -> Map:
-    """Lay a CDF over the one that it extends; name, version and origin are its own."""
-    inherited = {"name", "cdf", "extends"}
-    if any(origin in child.entries for origin in build.ORIGINS):
-        inherited |= set(build.ORIGINS)
-    merged = merging.merge(merging.select(parent, frozenset(parent.entries) - inherited), child)
-    assert isinstance(merged, Map)
-    return merged
-
-
-def _check_origin(layer: Map, findings: Findings, unknown_parent: bool) -> None:
+def _check_origin(layer: Map, findings: Findings, *, unknown_parent: bool) -> None:
     given = [origin for origin in build.ORIGINS if origin in layer.entries]
     for extra in given[1:]:
         findings.add(layer.keys[extra], f"'{given[0]}' and '{extra}' exclude each other", (extra,), code=Code.ORIGIN)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -18,6 +18,7 @@ from srprov.codes import Code
 from srprov.definitions import (
     cdfs,
     checks,
+    hiding,
     merging,
     paths,
     playbook,
@@ -35,10 +36,11 @@ from srprov.definitions import (
 from srprov.definitions.container import Container
 from srprov.definitions.model import Definitions, Experiment, NetworkSettings, Placement, Service, Weights
 from srprov.definitions.remote import Fetch
+from srprov.definitions.taken import ANYBODY
 from srprov.definitions.values import scalars, text, texts
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc import nodes
-from srprov.yamldoc.allowance import allowance, current
+from srprov.yamldoc.allowance import Left, allowance, current
 from srprov.yamldoc.nodes import Findings, Map, Node, Scalar
 
 _MOST_BYTES = 2 * 1024 * 1024
@@ -47,16 +49,33 @@ _MOST_VALUES = 30_000
 _METADATA = ("license", "doi", "notes")
 
 
-def load(path: str, environ: Mapping[str, str], fetch: Fetch | None = None) -> Definitions:
+def load(path: str, environ: Mapping[str, str], fetch: Fetch | None = None, home: str = "") -> Definitions:
     """Read one EDF and all that it names; `environ` is what a bare NAME in `environment` is looked up in.
 
-    CDFs in git repositories are fetched by `fetch`; with None they are not, and noted as what is not there.
+    CDFs in git repositories are fetched by `fetch`; with None they are not, and noted as what is not there. With
+    `home`, the folder of the experiment's own files, so it is with others.
 
     Raises:
         DefinitionError: With everything that is wrong, in every file.
     """
-    with allowance(_MOST_BYTES, _MOST_VALUES):
-        return _load(path, environ, fetch)
+    with allowance(_MOST_BYTES, _MOST_VALUES, home) as limits:
+        return _with_left(_load(path, environ, fetch), limits.left)
+
+
+def _with_left(found: Definitions, left: Sequence[Left]) -> Definitions:
+    """Return definitions that ask for what was not looked at."""
+    if not left:
+        return found
+    asked = {*found.experiment.outside, *((one.whose, taken.left(one.path)) for one in left if one.whose)}
+    known = {path for _, path in asked}
+    read = {taken.left(one.path) for one in left}
+    experiment = replace(
+        found.experiment,
+        outside=tuple(sorted({*asked, *((ANYBODY, path) for path in read - known)})),
+        read_outside=found.experiment.read_outside | read,
+        files=tuple(sorted({*found.experiment.files, *(one.path for one in left)})),
+    )
+    return replace(found, experiment=experiment, unsupported=(*found.unsupported, *sorted({one.note for one in left})))
 
 
 def _load(path: str, environ: Mapping[str, str], fetch: Fetch | None) -> Definitions:
@@ -83,7 +102,7 @@ def _load(path: str, environ: Mapping[str, str], fetch: Fetch | None) -> Definit
         if known_files == read.by_service:
             raise
         alone = functools.partial(_checked, root, path, known_files, environ)
-        raise DefinitionError(paths.hide_merged(error.problems, alone, path, folder, known)) from None
+        raise DefinitionError(hiding.hide_merged(error.problems, alone, path, folder, known)) from None
     elsewhere, files, left = taken.repositories(read.remote), _files(root, experiment, read), current.get()
     contents = {one: left.contents[one] for one in files if one in left.contents} if left else {}
     return Definitions(
@@ -93,12 +112,14 @@ def _load(path: str, environ: Mapping[str, str], fetch: Fetch | None) -> Definit
             home=home,
             files=files,
             contents=MappingProxyType(contents),
-            outside=tuple(sorted({*experiment.outside, *elsewhere})),
+            outside=tuple(
+                sorted({*experiment.outside, *elsewhere, *((name, taken.left(one)) for name, one in read.left)})
+            ),
             read_outside=frozenset(taken.in_words(os.path.realpath(one)) for one in files)
             & {path for _, path in experiment.outside},
         ),
         containers=MappingProxyType({key: one.definition for key, one in sorted(read.by_path.items())}),
-        unsupported=tuple(sorted(paths.hide_outside(unsupported.problems, folder))),
+        unsupported=tuple(sorted(hiding.hide_outside(unsupported.problems, folder))),
         variables=taken.variables(experiment.environment, environ),
     )
 
@@ -113,7 +134,11 @@ def _checked(
     """
     folder = os.path.dirname(os.path.abspath(path))
     services, bare = _services(root, containers, folder, environ, findings)
-    services = volumes.seeded(root, services, folder, findings)
+    whole = all(
+        containers[name] is None if "cdf" not in entry.entries else bool((one := containers[name]) and one.whole)
+        for name, entry in checks.service_maps(root).items()
+    )
+    services = volumes.seeded(root, services, folder, findings, whole=whole)
     sources = secrets.sources(root, folder, findings)
     playbooks = playbook.from_experiment(root, folder, findings)
     checks.check(root, services, containers, findings)

@@ -15,8 +15,9 @@ from srprov import regular_file
 from srprov.codes import Code
 from srprov.definitions import host_values, hostvars, inifile, names_alone, right_kind, script, unseen
 from srprov.definitions.groups import Group, HostEntry, HostTree, Variables, variables_of
+from srprov.definitions.hiding import hide_outside
 from srprov.definitions.model import Inventory
-from srprov.definitions.paths import folder_of, hide_outside, lies_open, link_out, way_out
+from srprov.definitions.paths import folder_of, lies_open, link_out, way_out
 from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
 from srprov.yamldoc import loader, nodes
 from srprov.yamldoc.allowance import allowance

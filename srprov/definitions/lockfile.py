@@ -16,7 +16,7 @@ import msgspec
 from msgspec.structs import replace
 
 from srprov.codes import Code
-from srprov.definitions import images, paths, schema
+from srprov.definitions import hiding, images, paths, schema
 from srprov.definitions.own_lines import hide_own
 from srprov.definitions.values import text, texts
 from srprov.errors import DefinitionError, Diagnostic, Location
@@ -88,7 +88,7 @@ def load(path: str) -> Lock | None:
     except DefinitionError as error:
         folder = paths.folder_of(path)
         # whoever names the EDF names its lock, too, and an archive may have given another file that name
-        raise DefinitionError(hide_own(paths.hide_outside(error.problems, folder), "", folder)) from None
+        raise DefinitionError(hide_own(hiding.hide_outside(error.problems, folder), "", folder)) from None
 
 
 def _load(path: str) -> Lock:

@@ -88,7 +88,9 @@ def _data(node: Node | None, folder: str, findings: Findings, path: Path) -> Ite
         elif url:
             yield item, Mount(kind="data", source="", target=target, read_only=True, sha256=sha256, url=url), path
         elif isinstance(source, Scalar) and (real := paths.resolve(source, folder, findings, path)):
-            if os.path.isdir(real) and sha256:
+            if paths.is_closed(real):
+                yield item, Mount(kind="tree", source=real, target=target, read_only=True), path
+            elif os.path.isdir(real) and sha256:
                 findings.add(
                     item,
                     f"'{source.text}' is a folder, and a sha256 is that of a file",

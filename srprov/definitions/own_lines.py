@@ -67,7 +67,7 @@ def is_users_own(file: str, root: str, secrets: Collection[str]) -> bool:
 def may_quote(file: str, folder: str) -> bool:
     """Return whether names out of a file may be told at the line that names it: it is the experiment's own.
 
-    `hide_own` and `paths.hide_outside` go by where a problem stands, and such a line is in the EDF or CDF.
+    `hide_own` and `hiding.hide_outside` go by where a problem stands, and such a line is in the EDF or CDF.
     """
     root = os.path.realpath(folder)
     return belongs(file, root) and not is_users_own(file, root, secret_files.known())

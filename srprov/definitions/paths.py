@@ -8,19 +8,16 @@ also inside a folder.
 
 from __future__ import annotations
 
-import contextlib
-import functools
 import os
-import shlex
 import stat
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Iterator
 
 from srprov import regular_file
 from srprov.codes import Code
 from srprov.definitions.homes import homes_in
 from srprov.definitions.version_control import is_kept
-from srprov.errors import DefinitionError, Diagnostic, Location
-from srprov.yamldoc.allowance import Allowance, current
+from srprov.yamldoc import nodes
+from srprov.yamldoc.allowance import Allowance, Left, current
 from srprov.yamldoc.nodes import Findings, Path, Scalar
 
 _MOST_FILES = 20_000
@@ -81,55 +78,29 @@ def folder_of(path: str) -> str:
     return os.path.dirname(os.path.abspath(link_out(path) or path))
 
 
-def hide_outside(problems: Collection[Diagnostic], *folders: str) -> list[Diagnostic]:
-    """Return problems without what a file outside of some folders holds: a stranger's EDF may name any file as its CDF.
-
-    Of such a file one problem is left, which says nothing but that there is one.
-    """
-    is_open = functools.cache(lambda file: any(lies_open(file, folder) for folder in folders))
-    shown = []
-    for one in problems:
-        file = os.path.abspath(one.location.file)
-        if not one.location.file or is_open(file):
-            shown.append(one)
-        else:
-            where = f"outside of {_name(folders[0])}"
-            own = "that version control keeps, or that has another name elsewhere (a hard link)"
-            where = own if any(inside(file, one) for one in folders) else where
-            message = f"is not valid; what is wrong is not shown of a file {where}"
-            hint = f"see `srprov validate {shlex.quote(os.path.realpath(file))}`, or copy it into the folder"
-            shown.append(Diagnostic(Location(one.location.file), message, hint=hint, code=Code.OUTSIDE))
-    return list(dict.fromkeys(shown))
-
-
-def hide_merged(
-    problems: Collection[Diagnostic],
-    alone: Callable[[Findings], object],
-    file: str,
-    folder: str,
-    known: Findings | None = None,
-) -> list[Diagnostic]:
-    """Return what is shown of the problems of `file`, merged with one that does not lie open in `folder`.
-
-    What was known before, and what `alone` adds to it, looking at the files in the folder alone, is shown. All else is
-    one problem that has no line: one at each of many guesses would tell which of them that file has. So what is wrong
-    alone is shown also where that file would mend it.
-    """
-    findings = Findings() if known is None else known
-    with contextlib.suppress(DefinitionError):  # too many; they are in the findings nevertheless
-        alone(findings)
-    shown = findings.problems
-    if set(shown) == set(problems):
-        return [*shown]
-    message = f"does not fit a file outside of {_name(folder)}, in .git or the like, or with another name elsewhere"
-    message += " (a hard link), of which nothing is shown"
-    hint = "copy that file into the folder to see what is wrong; what else is said here is said without it"
-    return [*shown, Diagnostic(Location(file), message, hint=hint, code=Code.OUTSIDE)]
-
-
 def root_for(folder: str, experiment_folder: str) -> str:
     """Return the folder that files named in `folder` must not leave."""
     return experiment_folder if inside(folder, experiment_folder) else folder
+
+
+def is_closed(path: str) -> bool:
+    """Return whether a file or folder is not the experiment's own while nobody has allowed to look at such ones yet.
+
+    It is asked for. Before, nothing is told of it, not even whether it is there.
+    """
+    limits = current.get()
+    return limits is not None and bool(limits.homes) and not any(belongs(path, home) for home in limits.homes)
+
+
+def is_left(node: Scalar, path: str, at: Path) -> bool:
+    """Return whether a file that a scalar names, to be read, is closed, and note it, then."""
+    limits = current.get()
+    if limits is None or not is_closed(path):
+        return False
+    message = f"'{node.text[:80]}' is not the experiment's own: it is not looked at without `--allow outside`"
+    whose = str(at[1]) if at[:1] == ("services",) else ""
+    limits.left.append(Left(path, whose, nodes.problem(node, message, at, code=Code.OUTSIDE)))
+    return True
 
 
 def named(node: Scalar) -> str:
@@ -143,7 +114,7 @@ def named(node: Scalar) -> str:
 def resolve(node: Scalar, experiment_folder: str, findings: Findings, path: Path, *, tree: bool = False) -> str:
     """Return the absolute real path that a scalar names relative to its own file; with `tree`, check links in it too.
 
-    An absolute or `~` path is refused: what is shipped must lie with the experiment.
+    An absolute or `~` path is refused: what is shipped must lie with the experiment. What is closed is not looked at.
     """
     text = node.text
     if "\0" in text or os.path.isabs(text) or text.startswith("~"):
@@ -157,30 +128,24 @@ def resolve(node: Scalar, experiment_folder: str, findings: Findings, path: Path
         escapes, exists = not inside(real, root), os.path.exists(real)
     except (OSError, ValueError):
         real, escapes, exists = "", False, False
+    if real and not escapes and is_closed(real):
+        return real
+    code = Code.NO_SUCH_FILE
     if escapes:
-        findings.add(
-            node,
-            f"'{text}' leaves the folder {_name(root)}",
-            path,
+        wrong, hint, code = (
+            f"leaves the folder {shown_folder(root)}",
             "copy it into the experiment's folder",
-            code=Code.OUTSIDE,
+            Code.OUTSIDE,
         )
     elif not exists:
-        findings.add(
-            node, f"'{text}' does not exist", path, f"it is looked for in {_name(folder)}", code=Code.NO_SUCH_FILE
-        )
+        wrong, hint = "does not exist", f"it is looked for in {shown_folder(folder)}"
     elif tree and (fault := _fault_below(real, root)):
-        findings.add(node, f"'{text}' {fault}", path, _SHIPPED_HINT, code=Code.NO_SUCH_FILE)
+        wrong, hint = fault, _SHIPPED_HINT
     elif not _utf8(real):
-        findings.add(
-            node,
-            f"'{text}' leads to a name that is not UTF-8",
-            path,
-            "engines take no such name; rename it",
-            code=Code.NO_SUCH_FILE,
-        )
+        wrong, hint = "leads to a name that is not UTF-8", "engines take no such name; rename it"
     else:
         return real
+    findings.add(node, f"'{text}' {wrong}", path, hint, code=code)
     return ""
 
 
@@ -189,7 +154,7 @@ def _utf8(path: str) -> bool:
     return not any("\ud800" <= character <= "\udfff" for character in path)
 
 
-def _name(folder: str) -> str:
+def shown_folder(folder: str) -> str:
     """Return a folder as it is shown: relative to the current folder when that is shorter."""
     relative = os.path.relpath(folder)
     return "here (.)" if relative == "." else min(relative, folder, key=len)
@@ -218,7 +183,7 @@ def _fault_of_each(path: str, root: str, left: Allowance) -> str:
             return f"cannot be read: {error.strerror}"
         if stat.S_ISLNK(about.st_mode):
             if not _is_below(os.path.realpath(full), inner):
-                return f"holds a link that leaves the folder {_name(root)}: {os.path.relpath(full, path)}"
+                return f"holds a link that leaves the folder {shown_folder(root)}: {os.path.relpath(full, path)}"
         elif stat.S_ISREG(about.st_mode):
             size += about.st_size
         elif not stat.S_ISDIR(about.st_mode):

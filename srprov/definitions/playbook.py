@@ -40,6 +40,8 @@ def from_experiment(root: Map, folder: str, findings: Findings) -> tuple[Playboo
             if not isinstance(item, Scalar) or findings.broken(path):
                 continue
             file = paths.resolve(item, folder, findings, path)
+            if file and paths.is_left(item, file, path):
+                continue
             if file and (file in found or not os.path.isfile(file)):
                 what = "stands here twice" if file in found else "is a folder, not a playbook"
                 findings.add(item, f"'{item.text}' {what}", path, code=Code.NO_SUCH_FILE)

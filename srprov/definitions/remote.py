@@ -12,6 +12,7 @@ from collections.abc import Callable
 from srprov.codes import Code
 from srprov.definitions import build, paths
 from srprov.definitions.values import text
+from srprov.yamldoc.allowance import current
 from srprov.yamldoc.nodes import Findings, Map, Path
 
 Fetch = Callable[[str, str], str]
@@ -42,6 +43,8 @@ def located(node: Map, fetch: Fetch | None, findings: Findings, unsupported: Fin
     except ValueError as error:
         findings.add(node, str(error), at, code=Code.REPOSITORY)
         return "", ""
+    if (limits := current.get()) and limits.homes:
+        limits.homes.append(folder)
     path = os.path.join(folder, os.path.normpath(relative))
     if not os.path.isfile(path) or not paths.inside(path, folder):
         findings.add(

@@ -128,6 +128,8 @@ def _env_files(node: Node | None, folder: str, environ: Mapping[str, str], findi
         real = paths.resolve(item, folder, findings, path)
         if not real:
             continue
+        if paths.is_left(item, real, path):
+            continue
         if os.path.isdir(real):
             findings.add(item, f"'{item.text}' is a folder, not a file", path, code=Code.NO_SUCH_FILE)
             continue

@@ -14,13 +14,15 @@ from srprov import regular_file
 from srprov.definitions.container import Container
 from srprov.definitions.merging import FROM_CONTROLLER
 from srprov.definitions.model import Service
-from srprov.definitions.paths import belongs, inside
+from srprov.definitions.paths import belongs, inside, is_closed
 from srprov.definitions.version_control import ELSEWHERE
 from srprov.git_address import parse_address
 from srprov.secret import Secret, Vault
 from srprov.yamldoc.nodes import Map
 
 Taken = tuple[tuple[str, str], ...]
+ANYBODY = "the experiment"
+"""Whose a file is that no service names: its blank makes it no service's name."""
 
 
 def outside(
@@ -33,13 +35,13 @@ def outside(
     """Return service -> path, links followed, of everything read or shipped that is not the experiment's own.
 
     Args:
-        edf: Path of the EDF; one that is a link out of its folder counts for "the experiment", no service's name.
+        edf: Path of the EDF; one that is a link out of its folder counts for `ANYBODY`.
         folder: The experiment's folder.
         services: By name.
         containers: By the name of the service; None for an image.
         env_files: Service -> the paths of those that the EDF names.
     """
-    found = {("the experiment", os.path.realpath(edf))} if not inside(edf, folder) else set()
+    found = {(ANYBODY, os.path.realpath(edf))} if not inside(edf, folder) else set()
     for name, service in services.items():
         container = containers.get(name)
         # what was fetched is asked for as what git fetches
@@ -78,7 +80,14 @@ def _local_repositories(container: Container | None) -> Iterator[str]:
 
 def _named(path: str) -> str:
     real = os.path.realpath(path)
+    if is_closed(real):
+        return left(path)
     return f"{real}/" if os.path.isdir(real) else in_words(real)
+
+
+def left(path: str) -> str:
+    """Return the name of what was not looked at: where links lead, and nothing of what is there."""
+    return os.path.realpath(path)
 
 
 def in_words(path: str) -> str:

@@ -20,12 +20,14 @@ from srprov.errors import did_you_mean
 from srprov.yamldoc.nodes import Findings, Map, Scalar
 
 
-def seeded(root: Map, services: Mapping[str, Service], folder: str, findings: Findings) -> dict[str, Service]:
-    """Return the services with the seeds of the volumes that they mount."""
+def seeded(
+    root: Map, services: Mapping[str, Service], folder: str, findings: Findings, *, whole: bool
+) -> dict[str, Service]:
+    """Return the services with the seeds of the volumes that they mount; `whole`: all they are made from is known."""
     seeds = _seeds(root, folder, findings)
     mounted = {one.source for service in services.values() for one in service.runtime.mounts if one.kind == "volume"}
     given = root.entries.get("volumes")
-    for name in sorted(seeds.keys() - mounted) if not findings.broken(("services",)) else ():
+    for name in sorted(seeds.keys() - mounted) if whole and not findings.broken(("services",)) else ():
         assert isinstance(given, Map)
         hint = did_you_mean(name, mounted)
         findings.add(
@@ -47,7 +49,7 @@ def _seeds(root: Map, folder: str, findings: Findings) -> dict[str, Seed]:
         if not isinstance(entry, Map) or not isinstance(source, Scalar) or findings.broken(("volumes", name)):
             continue
         real = paths.resolve(source, folder, findings, path, tree=True)
-        if real and not os.path.isdir(real):
+        if real and not paths.is_closed(real) and not os.path.isdir(real):
             findings.add(source, f"'{source.text[:80]}' is a file; a volume is a folder", path, code=Code.VOLUME)
         found[name] = Seed(path=real, user=text(entry.entries.get("user")))
     return found

@@ -222,7 +222,7 @@ def data_sets(files: Files, home: str) -> dict[str, str]:
 
 def _definitions(folder: str, edf: str, environ: Mapping[str, str]) -> Definitions:
     try:
-        found = load_experiment(os.path.join(folder, edf), environ)
+        found = load_experiment(os.path.join(folder, edf), environ, home=folder)
     except DefinitionError as error:
         first = error.problems[0]
         where = os.path.basename(first.location.file)

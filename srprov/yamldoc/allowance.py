@@ -1,7 +1,7 @@
 """How much may be read of all files that belong together: a small file may name a thousand large ones.
 
 Takes limits; whoever reads inside of the block, at whatever depth, counts against them. What was found of folders that
-are named, maybe a thousand times each, is kept with them, and so is what was read. Touches nothing else.
+are named, maybe a thousand times each, is kept with them, and so is what was read, or may not be. Touches nothing else.
 """
 
 from __future__ import annotations
@@ -12,6 +12,18 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from srprov.errors import Diagnostic
+
+
+class Left(NamedTuple):
+    """A file or folder that was named, and not looked at."""
+
+    path: str
+    whose: str
+    """The service that named it, or nothing."""
+    note: Diagnostic
 
 
 @dataclass
@@ -30,16 +42,24 @@ class Allowance:
     """Folder -> files in it that have several names, as the kernel knows them, and how many of these are there."""
     contents: dict[str, builtins.bytes] = field(default_factory=dict)
     """Path -> what was read there: whoever needs it later must not read what others put there since."""
+    homes: list[str] = field(default_factory=list)
+    """Folders whose own files alone may be looked at; where there is none, all files may."""
+    left: list[Left] = field(default_factory=list)
+    """What therefore was not looked at."""
 
 
 current: ContextVar[Allowance | None] = ContextVar("current", default=None)
 
 
 @contextmanager
-def allowance(most_bytes: int, most_values: int) -> Iterator[None]:
-    """Limit all that is read in the block, together. Inside of another block, that one's limits go on."""
-    token = current.set(current.get() or Allowance(most_bytes, most_values, most_bytes))
+def allowance(most_bytes: int, most_values: int, home: str = "") -> Iterator[Allowance]:
+    """Limit all that is read in the block, together. Inside of another block, that one's limits go on.
+
+    With `home`, a folder, no file is looked at but its own.
+    """
+    limits = current.get() or Allowance(most_bytes, most_values, most_bytes, homes=[home] if home else [])
+    token = current.set(limits)
     try:
-        yield
+        yield limits
     finally:
         current.reset(token)

@@ -32,7 +32,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 def asked() -> list[str]:
     """Return each file, from the folder, that is asked for as `outside`."""
-    made = asked_for(load_experiment("e.edf"), Inventory(hosts={}, groups={}))
+    made = asked_for(load_experiment("e.edf", outside=True), Inventory(hosts={}, groups={}))
     return [os.path.relpath(what.partition(": it ")[0]) for _, what in made.experiment.outside]
 
 
@@ -92,6 +92,6 @@ def test_a_record_beside_a_cdf_that_lies_elsewhere_is_named(here: Path, monkeypa
         named = []
         for kept in ("", KEPT_OUT):
             (folder / "out/.gitignore").write_text(kept)
-            found = asked_for(load_experiment("e.edf"), Inventory(hosts={}, groups={})).experiment.outside
+            found = asked_for(load_experiment("e.edf", outside=True), Inventory(hosts={}, groups={})).experiment.outside
             named.append([what for _, what in found if word in what])
         assert named == [[], [f"{folder}/out/: {word}"] if folder.name == "mine" else []]

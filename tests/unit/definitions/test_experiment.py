@@ -22,7 +22,7 @@ def full(tmp_path_factory: pytest.TempPathFactory) -> Definitions:
 def _one(folder: Path, service: str, top: str = "", environ: dict[str, str] | None = None) -> Service:
     path = folder / "e.edf"
     path.write_text(f"edf: 1\nname: a\nservices:\n  a: {service}\n{top}")
-    return load_experiment(path, environ or {}).experiment.services["a"]
+    return load_experiment(path, environ or {}, outside=True).experiment.services["a"]
 
 
 def _runtime(folder: Path, fields: str, environ: dict[str, str] | None = None) -> Runtime:

@@ -33,7 +33,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def problems(text: str) -> str:
     Path("e.edf").write_text(f"edf: 1\nname: a\n{text}\n")
     with pytest.raises(DefinitionError) as wrong:
-        load_experiment("e.edf", {})
+        load_experiment("e.edf", {}, outside=True)
     return "\n".join(str(one) for one in wrong.value.problems)
 
 

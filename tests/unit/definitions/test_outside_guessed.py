@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from srprov.definitions import check_files
+from srprov.definitions import checked
 from srprov.errors import Diagnostic
 
 NAMES = [f"TOKEN_{letter}" for letter in "ABCDEFGHIJKLMNOP"]
@@ -37,7 +37,7 @@ def told(cdf: str, edf: str, says: str) -> set[Diagnostic]:
     Path("../mine/p.cdf").write_text(f"cdf: 1\nimage: busybox\n{says}\n")
     Path("t.cdf").write_text("cdf: 1\nextends: ../mine/p.cdf\n")
     Path("e.edf").write_text("edf: 1\nname: nav\n" + edf.replace("CDF", cdf))
-    return set(check_files(["e.edf"]))
+    return set(checked(["e.edf"], outside=True)[0])
 
 
 @pytest.mark.parametrize("cdf", ["../mine/p.cdf", "t.cdf"])
@@ -55,7 +55,7 @@ def test_ports_that_a_cdf_in_the_folder_guesses_have_no_line(here: Path) -> None
     Path("t.cdf").write_text(
         f"cdf: 1\nextends: ../mine/p.cdf\nports: [{', '.join(f'{8000 + n}:99' for n in range(9))}]\n"
     )
-    (one,) = check_files(["t.cdf"])
+    (one,) = checked(["t.cdf"], outside=True)[0]
     assert (one.location.line, one.path) == (1, "") and "of which nothing is shown" in one.message
 
 

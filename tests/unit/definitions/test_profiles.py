@@ -117,10 +117,10 @@ def test_what_was_read_elsewhere_is_asked_for_also_where_the_profile_is_off(tmp_
     path = tmp_path / "e/e.edf"
     path.write_text(f"edf: 1\nname: a\nservices: {services}\n")
     read = {("b", str(tmp_path / "Dockerfile")), ("c", str(tmp_path / "base.cdf"))}
-    off = read_definitions(str(path), ()).experiment
+    off = read_definitions(str(path), ("outside",)).experiment
     assert set(off.outside) == read
     assert {one for one in off.contents if not one.startswith(str(path.parent))} == {one for _, one in read}
-    assert set(read_definitions(str(path), (), ("p",)).experiment.outside) == {*read, ("b", f"{tmp_path}/")}
+    assert set(read_definitions(str(path), ("outside",), ("p",)).experiment.outside) == {*read, ("b", f"{tmp_path}/")}
 
 
 def test_what_an_unwanted_service_takes_is_known_for_who_reads_the_edf_again(tmp_path: Path) -> None:

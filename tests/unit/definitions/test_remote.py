@@ -107,10 +107,12 @@ def test_what_a_fetched_cdf_takes_from_elsewhere_is_asked_for_and_not_shown(here
     """A relative path out of the repository leads to any file of this machine."""
     (here / "tree" / "sub" / "a.cdf").write_text("cdf: 1\nextends: ../../victim.cdf\n")
     read = load_experiment(_edf(here, REMOTE), {}, lambda url, ref: str(here / "tree"))
+    assert read.unsupported and read.experiment.outside == (("s", str(here / "victim.cdf")),)
+    read = load_experiment(_edf(here, REMOTE), {}, lambda url, ref: str(here / "tree"), outside=True)
     assert read.experiment.outside == (("s", str(here / "victim.cdf")),)
     (here / "victim.cdf").write_text("secret-of-the-victim\n")
     with pytest.raises(DefinitionError) as refused:
-        load_experiment(_edf(here, REMOTE), {}, lambda url, ref: str(here / "tree"))
+        load_experiment(_edf(here, REMOTE), {}, lambda url, ref: str(here / "tree"), outside=True)
     assert "secret" not in str([(one.message, one.excerpt, one.hint) for one in refused.value.problems])
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from srprov.cli.main import run
-from srprov.definitions import check_files, homes, load_experiment, load_inventory
+from srprov.definitions import check_files, checked, homes, load_experiment, load_inventory
 from srprov.definitions.version_control import ELSEWHERE
 from srprov.errors import DefinitionError
 from srprov.planning.policy import permissions
@@ -50,7 +50,7 @@ def edf(here: Path, service: str, top: str = "") -> Path:
 
 def asked(path: Path, **environ: str) -> set[tuple[str, str]]:
     """Return what an experiment asks for: (kind, what)."""
-    return {(one.kind, one.what) for one in permissions(load_experiment(path, environ).experiment)}
+    return {(one.kind, one.what) for one in permissions(load_experiment(path, environ, outside=True).experiment)}
 
 
 def test_a_dockerfile_elsewhere_takes_its_whole_folder(here: Path) -> None:
@@ -108,7 +108,7 @@ def test_no_line_of_the_users_own_files_in_the_folder_is_shown(
     for name, text in texts.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
-    assert run(["validate", str(tmp_path / "e.edf")]) == 5
+    assert run(["validate", "--allow", "outside", str(tmp_path / "e.edf")]) == 5
     said = capsys.readouterr()
     assert "is not shown of a file that is kept" in said.out + said.err, said
     assert "decoy" not in said.out + said.err and "BEGIN" not in said.out + said.err
@@ -240,7 +240,7 @@ def test_without_permission_nothing_from_outside_is_planned(
     edf(here, "{cdf: ../victim/x.cdf}")
     assert run([*verb, "e.edf", "-i", "inv.yml"]) == 9
     said = capsys.readouterr().err
-    assert f"a: outside ({here}/victim/id)" in said and "--allow outside" in said
+    assert f"a: outside ({here}/victim/x.cdf)" in said and "--allow outside" in said
     assert "unreachable" not in said and MARK not in said
     assert run(["plan", "e.edf", "-i", "inv.yml", "--allow", "outside"]) != 9
 
@@ -255,7 +255,7 @@ def test_no_word_of_a_file_outside_is_shown(
     (here / "exp" / "t.cdf").write_text("cdf: 1\nextends: ../victim/id\n")
     (here / "victim" / "w.cdf").write_text(f"cdf: 1\nbase: busybox\n{MARK}: {MARK}\nports: ['{MARK}']\n")
     edf(here, service)
-    assert run([*verb, "e.edf"]) == 5
+    assert run([*verb, "--allow", "outside", "e.edf"]) == 5
     done = capsys.readouterr()
     assert MARK not in done.out + done.err
     assert "what is wrong is not shown" in done.out + done.err
@@ -266,7 +266,7 @@ def test_no_word_of_a_file_outside_is_shown(
 
 def test_what_is_not_built_yet_of_a_file_outside_is_not_shown_either(here: Path) -> None:
     (here / "victim" / "w.cdf").write_text(f"cdf: 1\nextends: {{git: 'https://h/{MARK}', path: a.cdf}}\n")
-    read = load_experiment(edf(here, "{cdf: ../victim/w.cdf}"), {})
+    read = load_experiment(edf(here, "{cdf: ../victim/w.cdf}"), {}, outside=True)
     assert read.unsupported and all(MARK not in repr(one) for one in read.unsupported)
 
 
@@ -307,7 +307,7 @@ def test_messages_of_merged_files_show_no_value_of_a_file_outside(
     (here / "exp" / "t.cdf").write_text("cdf: 1\nextends: ../victim/f.cdf\n")
     written = service.replace("CDF", cdf)
     edf(here, f"{written}\n  z: {{image: busybox, depends_on: [nobody]}}", "secrets: {q: {env: X}}\n")
-    assert run(["validate", "e.edf"]) == 5
+    assert run(["validate", "--allow", "outside", "e.edf"]) == 5
     lines = capsys.readouterr().out.splitlines()
     messages = [line for line in lines if "error[" in line or "hint:" in line]
     assert any("nobody" in line for line in messages)
@@ -321,7 +321,7 @@ def test_a_cdf_that_extends_one_outside_tells_of_itself_alone(here: Path) -> Non
     (here / "exp" / "t.cdf").write_text(
         "cdf: 1\nextends: ../victim/f.cdf\nports: ['8123:99']\nexpose: ['99999']\nrun: [ls]\n"
     )
-    told = [one.message for one in check_files([here / "exp" / "t.cdf"])]
+    told = [one.message for one in checked([here / "exp" / "t.cdf"], outside=True)[0]]
     assert "'99999' is not within ports 1 to 65535" in told
     assert any("of which nothing is shown" in one for one in told)
     assert not [one for one in told if "8123" in one or "'image'" in one]
@@ -489,7 +489,7 @@ def test_an_edf_above_that_does_not_name_a_cdf_gives_it_no_files_beside_it(
     (here / "victim" / "mine.edf").write_text("edf: 1\nname: mine\nservices: {a: {cdf: x.cdf}}\n")
     (place / "x.cdf").write_text(f"cdf: 1\n{fields}\n")
     for named in (place / "x.cdf", clone):
-        assert run(["validate", str(named)]) == 5
+        assert run(["validate", "--allow", "outside", str(named)]) == 5
         said = capsys.readouterr()
         assert MARK not in said.out + said.err
         assert "outside of" in said.out or "leaves the folder" in said.out

@@ -72,7 +72,9 @@ def test_sessions_are_of_few_experiments_and_each_is_read_once(
     assert _said("of more than 4 experiments that differ", packed(differing(content, 5, edf=True), tmp_path / "a.zip"))
     read: list[str] = []
     load = session.load_experiment
-    monkeypatch.setattr(session, "load_experiment", lambda path, environ: read.append(path) or load(path, environ))
+    monkeypatch.setattr(
+        session, "load_experiment", lambda path, *more, **by: read.append(path) or load(path, *more, **by)
+    )
     path = packed(differing(content, 9, edf=False), tmp_path / "b.zip")
     assert not _said("experiments that differ", path) and len(read) == 1
     monkeypatch.setattr(session, "_MOST_PAIRS", 8)
