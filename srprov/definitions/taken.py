@@ -18,6 +18,7 @@ from srprov.definitions.paths import belongs, inside, is_closed
 from srprov.definitions.version_control import ELSEWHERE
 from srprov.git_address import parse_address
 from srprov.secret import Secret, Vault
+from srprov.yamldoc.allowance import current
 from srprov.yamldoc.nodes import Map
 
 Taken = tuple[tuple[str, str], ...]
@@ -86,8 +87,12 @@ def _named(path: str) -> str:
 
 
 def left(path: str) -> str:
-    """Return the name of what was not looked at: where links lead, and nothing of what is there."""
-    return os.path.realpath(path)
+    """Return the name of what was not looked at: where links lead, and nothing of what is there.
+
+    Of a file in the folder it says that it has other names: it may be there by an archive's doing.
+    """
+    real, limits = os.path.realpath(path), current.get()
+    return in_words(real) if limits and any(inside(real, home) for home in limits.homes) else real
 
 
 def in_words(path: str) -> str:
