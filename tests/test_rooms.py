@@ -70,6 +70,7 @@ ROOMS: Mapping[str, Room] = {
     ),
     "untrusted": room(),
     "robot_answers": room("codes errors untrusted"),
+    "failure": room("wire"),
     "yamldoc": room("codes errors regular_file", "yaml"),
     "definitions": room(
         "believed codes errors names private regular_file untrusted secret data owner whose image_reference git_address"
@@ -101,7 +102,7 @@ ROOMS: Mapping[str, Room] = {
         "believed codes errors private untrusted resource data definitions modules yamldoc", "jinja2 yaml"
     ),
     "modules": room(
-        "errors hashing led names plain_tar published wire untrusted robot_answers resource secret"
+        "errors failure hashing led names plain_tar published wire untrusted robot_answers resource secret"
         " image_reference"
         " definitions.model definitions.container_words definitions.containermodel definitions.secretmodel"
     ),
@@ -111,7 +112,7 @@ ROOMS: Mapping[str, Room] = {
         " definitions.model definitions.secretmodel network.identity"
     ),
     "execution": room(
-        "codes errors layers led pace sandbox spool plain_tar untrusted robot_answers resource wire session"
+        "codes errors failure layers led pace sandbox spool plain_tar untrusted robot_answers resource wire session"
         " image_reference linear_regex modules planning probing facts.host owner trials definitions.dockerfile"
         " definitions.trialsmodel"
     ),

@@ -12,6 +12,7 @@ from pathlib import Path
 import msgspec
 
 from srprov.codes import Code
+from srprov.controller.own_files import has_names_elsewhere
 from srprov.definitions.model import Definitions
 from srprov.errors import UsageError
 
@@ -48,13 +49,14 @@ def shipping(definitions: Definitions, folder: Path) -> Shipping | None:
     trees = {mount.source for mount in every if mount.kind == "tree"} | {one.seed.path for one in every if one.seed}
     trees |= {file.source for one in containers for file in one.files if not one.image}
     contexts = {one.context or os.path.dirname(one.dockerfile) for one in containers if one.dockerfile}
+    home = os.path.realpath(definitions.experiment.folder)
     for source in sorted(trees | contexts):
         path = os.path.relpath(real, os.path.realpath(source))
         if path.split("/")[0] == ".." or not os.path.isdir(source):
             continue
         if source in trees and _of_a_tree(path):
             return Shipping(source, built=False, path=path)
-        if source in contexts and _of_a_context(source, path):
+        if source in contexts and _of_a_context(source, path, home):
             return Shipping(source, built=True, path=path)
     return None
 
@@ -77,13 +79,17 @@ def _of_a_tree(path: str) -> bool:
     return not set(path.split("/")) & set(LEFT_OUT)
 
 
-def _of_a_context(source: str, path: str) -> bool:
-    """Return whether a build context holds what is written below a path, by the rules that made it."""
+def _of_a_context(source: str, path: str, home: str) -> bool:
+    """Return whether a build context holds what is written below a path, by the rules that made it.
+
+    Where the `.dockerignore` is a file of the user's to which an archive gave that name, it does not: nothing may
+    depend on what that file says.
+    """
     from srprov import disk
     from srprov.images.context import folder_items
     from srprov.images.plan import ListedFile
 
-    if not _of_a_tree(path):
+    if not _of_a_tree(path) or has_names_elsewhere(f"{source}/.dockerignore", home):
         return False
     new = [os.path.normpath(os.path.join(path, name)) for name in _KEPT]
     try:

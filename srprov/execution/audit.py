@@ -17,8 +17,9 @@ from srprov.errors import TransportError
 from srprov.execution.options import MOST_AT_ONCE
 from srprov.execution.outcome import Outcome, StepResult
 from srprov.execution.robot import RobotExecutor
+from srprov.failure import why
 from srprov.session import Session
-from srprov.wire import Reply, Run, quote
+from srprov.wire import Run, quote
 
 AUDIT_LOG = "/var/log/srprov.log"
 _TIMEOUT_S = 10.0
@@ -73,8 +74,4 @@ def _append(session: Session, line: str) -> str:
         reply = session.execute(Run(script=script, timeout_s=_TIMEOUT_S))
     except TransportError as error:
         return error.message
-    return "" if reply.ok else _why(reply)
-
-
-def _why(reply: Reply) -> str:
-    return " ".join((reply.err or reply.out).split())[:500] or f"status {reply.status}"
+    return "" if reply.ok else why(reply)

@@ -28,6 +28,7 @@ from srprov.execution.stale import due, made_on_the_way, refused
 from srprov.execution.stopping import stop_together
 from srprov.execution.triggers import kept_apart, refuse_triggers
 from srprov.execution.unfit_image import unfit
+from srprov.failure import why
 from srprov.modules import MODULES, PROBING, RUNNING
 from srprov.modules.mount_place import guarded
 from srprov.modules.observe import observe_queries, parse_observed, parse_probed, probe_queries
@@ -74,8 +75,7 @@ class RobotExecutor:
         replies = self.session.ask(observe_queries(wanted))
         for reply in replies:
             if not reply.ok:
-                why = " ".join((reply.err or reply.out).split()) or f"status {reply.status}"
-                message = f"its state cannot be read: {why}"
+                message = f"its state cannot be read: {why(reply)}"
                 raise TransportError(self.session.host, message, hint="is its Docker Engine up?", code=Code.ENGINE)
         with answers_of(self.session.host):
             fresh = {(e.module, e.name): e for e in parse_observed(replies, wanted)}

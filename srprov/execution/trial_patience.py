@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from srprov.errors import TransportError
+from srprov.failure import why
 from srprov.wire import Reply
 
 PATIENCE_S = 120.0
@@ -99,9 +100,4 @@ def _words(why: TransportError | EngineAway) -> str:
 def check_engine(reply: Reply) -> None:
     """Raise EngineAway for the answer of an engine that is not there, or not yet."""
     if reply.status in _AWAY:
-        raise EngineAway(why(reply.err or reply.out))
-
-
-def why(text: str) -> str:
-    """Return what somebody said in one line."""
-    return " ".join(text.split())[:300] or "it did not say why"
+        raise EngineAway(why(reply))

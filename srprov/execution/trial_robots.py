@@ -20,9 +20,10 @@ from srprov.execution.sending import sent
 from srprov.execution.stopping import stop_all
 from srprov.execution.trial_at_once import at_once
 from srprov.execution.trial_clocks import samples
-from srprov.execution.trial_patience import EquipmentFailed, Patience, Say, check_engine, why
+from srprov.execution.trial_patience import EquipmentFailed, Patience, Say, check_engine
 from srprov.execution.trial_survival import Survival
 from srprov.execution.trial_totals import Totals
+from srprov.failure import why
 from srprov.modules.container_commands import remove, start, stop
 from srprov.session import Session
 from srprov.trials.clock import Offset, offset
@@ -145,7 +146,7 @@ class TrialRobots:
         for reply in replies:
             if not reply.ok and reply.status != _NOT_FOUND:
                 check_engine(reply)
-                raise EquipmentFailed(f"{host}: its containers cannot be read: {why(reply.err or reply.out)}")
+                raise EquipmentFailed(f"{host}: its containers cannot be read: {why(reply)}")
             if not is_of_one(reply.out):
                 raise EquipmentFailed(f"{host}: what its engine says of a container is longer than any needs")
         found = {one.service: reply.json() for one, reply in zip(some, replies, strict=True)}
@@ -229,7 +230,7 @@ class TrialRobots:
         if not reply.ok:
             if isinstance(command, EngineCall):
                 check_engine(reply)
-            raise EquipmentFailed(f"{one.service} on {one.host}: {why(reply.err or reply.out)}")
+            raise EquipmentFailed(f"{one.service} on {one.host}: {why(reply)}")
 
     def each(self, work: Callable[[str], _T], *, leave: bool = False) -> dict[str, _T]:
         """Do it for all robots at once, again where one was away meanwhile, and return what each gave.

@@ -15,6 +15,7 @@ import msgspec
 
 from srprov.errors import TransportError
 from srprov.execution.trial_patience import EngineAway, EquipmentFailed, Patience, Say
+from srprov.failure import why
 from srprov.linear_regex import compiled
 from srprov.robot_answers import answers_of
 from srprov.session import Session
@@ -119,7 +120,7 @@ class Watch:
         replies = self._get(host).ask(queries)
         for reply in replies:
             if not reply.ok and reply.status != _NOT_FOUND:
-                raise EngineAway(" ".join((reply.err or reply.out).split())[:300] or f"status {reply.status}")
+                raise EngineAway(why(reply))
         with answers_of(host):
             return {
                 place: read(reply.json() if reply.ok else None) for place, reply in zip(places, replies, strict=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tracemalloc
 from typing import Any
 
 import pytest
@@ -16,6 +17,7 @@ from srprov.execution.locks import Holder, parse_holder
 from srprov.facts.gather import _without_mute
 from srprov.facts.model import Snapshot
 from srprov.facts.placements import read_placements
+from srprov.failure import why
 from srprov.network.foreign import foreign_uses
 from srprov.network.record import read_record
 from srprov.planning.planread import is_plan, load
@@ -149,8 +151,8 @@ def test_what_stands_in_strings_is_no_list_and_no_value(piece: str) -> None:
 def test_strings_hide_no_list_and_no_value(said: str) -> None:
     """Counted as the parser would: a quote that is escaped ends no string, one behind two backslashes does."""
     lists, values = (f"[{said},{piece * times}1]" for piece, times in (("[],", 400_001), ("1,", 2_000_001)))
-    for source, why in ((lists, "more than 400000 lists and maps"), (values, "more than 2000000 values")):
-        with pytest.raises(ValueError, match=why):
+    for source, told in ((lists, "more than 400000 lists and maps"), (values, "more than 2000000 values")):
+        with pytest.raises(ValueError, match=told):
             untrusted.json_of_robot(source)
     assert not untrusted.is_of_one(f"[{said},{'[],' * 20_000}1]")
 
@@ -214,3 +216,16 @@ def test_a_record_of_any_shape_ends_nobody_s_verb(odd: object) -> None:
         read_record(found.get("hello"))  # none is read that has a number beyond those that files have
         list(foreign_uses("other", ("b", "l"), snapshot, None))
         _without_mute(snapshot)
+
+
+def test_what_a_robot_says_of_a_failure_is_one_line_however_much_it_says() -> None:
+    """Sixteen megabytes of single letters are eight million words, which take half a gigabyte."""
+    assert why(Reply(status=500, ok=False, err="no\n  space \n")) == "no space"
+    assert why(Reply(status=503, ok=False)) == "status 503"
+    said = "a " * (8 << 20)
+    tracemalloc.start()
+    try:
+        assert len(why(Reply(status=500, ok=False, out=said))) <= 500
+        assert tracemalloc.get_traced_memory()[1] < 2 << 20
+    finally:
+        tracemalloc.stop()

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from srprov.codes import Code
 from srprov.errors import TransportError
+from srprov.failure import why
 from srprov.transport.engine.answers import message_of, quoted
 from srprov.transport.engine.link import EngineGone, EngineLink
 from srprov.untrusted import integer, json_or_none, mapping, string
@@ -169,14 +170,10 @@ class AttachedCommand:
                 code = integer(found.get("ExitCode"), high=255, default=255)
                 return code if integer(found.get("Pid"), high=1 << 32) or not code else None
             if time.monotonic() > until:
-                why = "it still runs" if found else _why(reply)
-                raise TransportError(self._link.host, f"the command's code is not known: {why}", code=Code.COMMAND)
+                said = "it still runs" if found else why(reply)
+                raise TransportError(self._link.host, f"the command's code is not known: {said}", code=Code.COMMAND)
             time.sleep(0.05)
 
     def close(self) -> None:
         """Let go of its streams; the command may go on."""
         self._stream.abort()
-
-
-def _why(reply: Reply) -> str:
-    return " ".join((reply.err or reply.out).split())[:500] or f"status {reply.status}"

@@ -36,6 +36,17 @@ def files(home: Path, edf: str, ignored: str = "") -> Definitions:
     return load_experiment(str(home / "x.edf"))
 
 
+def test_no_answer_depends_on_a_file_of_the_users_that_an_archive_called_dockerignore(tmp_path: Path) -> None:
+    home, said = tmp_path / "home", set()
+    home.mkdir()
+    for words in ("res\n", "other\n"):
+        (tmp_path / "mine").write_text(words)
+        (home / ".dockerignore").unlink(missing_ok=True)
+        (home / ".dockerignore").hardlink_to(tmp_path / "mine")
+        said.add(shipping(files(home, BUILT), home / "res"))
+    assert said == {None}
+
+
 @pytest.mark.parametrize(
     ("edf", "ignored", "folder", "by"),
     [
