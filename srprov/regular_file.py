@@ -74,8 +74,11 @@ def links_in(path: str) -> Iterator[str]:
 
 
 def has_further_names(about: os.stat_result) -> bool:
-    """Return whether a file has more than one name on its disk."""
-    return stat.S_ISREG(about.st_mode) and about.st_nlink > 1
+    """Return whether a file, or a link, has more than one name on its disk; the kernel counts those of folders alone.
+
+    Where a link leads is what is in it: programs keep words there that are nobody else's.
+    """
+    return not stat.S_ISDIR(about.st_mode) and about.st_nlink > 1
 
 
 def identities(paths: Iterable[str]) -> set[tuple[int, int]]:

@@ -79,8 +79,8 @@ ROOMS: Mapping[str, Room] = {
         "jsonschema jinja2",
     ),
     "transport": room(
-        "codes errors pace believed datasets engine_files led sandbox spool layers private plain_tar regular_file wire"
-        " session container_files untrusted secret"
+        "codes errors failure pace believed datasets engine_files led sandbox spool layers private plain_tar"
+        " regular_file wire session container_files untrusted secret"
         " definitions.model",
         "paramiko fabric invoke docker requests urllib3 psutil dask distributed",
     ),

@@ -18,6 +18,7 @@ from srprov import regular_file, secret_files
 from srprov.codes import Code
 from srprov.controller.copied import Copied
 from srprov.definitions.own_lines import is_users_own
+from srprov.definitions.version_control import is_from_elsewhere, names_in
 from srprov.errors import UsageError
 
 _BLOCK = 512
@@ -49,6 +50,7 @@ class _Named:
         # one file of a relative path may have been unpacked beside what it is a second name of
         self._alone = not os.path.isabs(path) and not os.path.isdir(path)
         self._root = self.real if not link and os.path.isdir(path) else os.path.realpath(os.path.dirname(link or path))
+        self._names = functools.cache(names_in)
         self._secrets = functools.cache(secret_files.known)  # for all files below, and only where one is asked for
 
     def means(self, file: str, about: os.stat_result) -> bool:
@@ -58,6 +60,10 @@ class _Named:
         if self._alone and regular_file.has_further_names(about):
             return False
         return not is_users_own(file, self._root, self._secrets())
+
+    def means_link(self, about: os.stat_result) -> bool:
+        """Return whether it means a link that lies there or below: no archive gave it that name."""
+        return not is_from_elsewhere(about, self._root, self._names)
 
 
 def tar_of(path: str, name: str, owner: Owner, copied: Copied) -> Iterator[bytes]:
@@ -85,7 +91,7 @@ def _any(named: _Named, name: str, owner: Owner, copied: Copied) -> Iterator[byt
         path, name = left.pop()
         about = os.stat(path, follow_symlinks=False)
         if stat.S_ISDIR(about.st_mode):
-            below = yield from _folder(path, name, owner)
+            below = yield from _folder(path, name, owner, named, copied)
             left += [(os.path.join(path, one), os.path.join(name, one)) for one in reversed(below)]
         elif stat.S_ISREG(about.st_mode) and not named.means(path, about):
             copied.leave_out(path, _OWN)
@@ -95,16 +101,20 @@ def _any(named: _Named, name: str, owner: Owner, copied: Copied) -> Iterator[byt
             copied.leave_out(path, "a device, pipe or socket")
 
 
-def _folder(path: str, name: str, owner: Owner) -> Generator[bytes, None, list[str]]:
+def _folder(path: str, name: str, owner: Owner, named: _Named, copied: Copied) -> Generator[bytes, None, list[str]]:
     """Yield a folder and the links in it; return what else is in it."""
     with regular_file.real_folder(path) as descriptor:
         if name:
             yield _header(name, os.fstat(descriptor), owner, tarfile.DIRTYPE)
         below = sorted(os.listdir(descriptor))
-        links = {one: os.readlink(one, dir_fd=descriptor) for one in below if _is_link(one, descriptor)}
-        for one, leads_to in links.items():
+        links = [one for one in below if _is_link(one, descriptor)]
+        for one in links:
             about = os.stat(one, dir_fd=descriptor, follow_symlinks=False)
-            yield _header(os.path.join(name, one), about, owner, tarfile.SYMTYPE, leads_to)
+            if named.means_link(about):
+                leads_to = os.readlink(one, dir_fd=descriptor)
+                yield _header(os.path.join(name, one), about, owner, tarfile.SYMTYPE, leads_to)
+            else:
+                copied.leave_out(os.path.join(path, one), _OWN)
     return [one for one in below if one not in links]
 
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import os
+import stat
 from collections.abc import Callable, Collection, Iterable, Iterator
 
 from msgspec.structs import replace
@@ -134,7 +135,7 @@ class _Own:
             known = (about.st_dev, about.st_ino)
             if known in self._files or is_from_elsewhere(about, self.folder, self._names):
                 return True
-            if 0 < (size := about.st_size) <= LARGEST:
+            if stat.S_ISREG(about.st_mode) and 0 < (size := about.st_size) <= LARGEST:
                 content = regular_file.read(path, size)
                 return content in self._contents.get(size, ()) or is_own(content)
         return False
@@ -154,8 +155,7 @@ class _Own:
     def _below(self, top: str) -> tuple[str, ...]:
         """Return those that a file is, or that lie in a folder."""
         with contextlib.suppress(OSError):  # what cannot be looked through is not shipped, which says so
-            files = [one for one in disk.shipped(top) if one.link is None]
-            return tuple(self.among(f"{top}/{one.path}".rstrip("/") for one in files))
+            return tuple(self.among(f"{top}/{one.path}".rstrip("/") for one in disk.shipped(top)))
         return ()
 
     def _in_context(self, folder: str) -> tuple[str, ...]:
@@ -165,8 +165,8 @@ class _Own:
         """
         found = self.read(f"{folder}/.dockerignore")
         with contextlib.suppress(OSError, ValueError):  # it is told when the image is planned
-            files = [one for one in folder_items(folder, disk.listing, disk.read) if one.link is None]
-            found += tuple(self.among(f"{folder}/{one.path}" for one in files))
+            items = folder_items(folder, disk.listing, disk.read)
+            found += tuple(self.among(f"{folder}/{one.path}" for one in items))
         return found
 
     def _read(self, path: str) -> tuple[str, ...]:

@@ -163,6 +163,7 @@ class _Copying:
         about = os.lstat(source)
         if stat.S_ISLNK(about.st_mode):
             self._count()
+            self._check_own(source, about)
             self.links[place] = os.readlink(source)
             above = os.path.dirname(source)
             home = os.path.relpath(self._own_folder(source), above)
@@ -172,11 +173,7 @@ class _Copying:
             self.take(source, place)
 
     def _count(self) -> None:
-        """Count what would be made, before it is.
-
-        Raises:
-            OSError: It is too much.
-        """
+        """Count what would be made, before it is; raises OSError when it is too much."""
         self.entries += 1
         if self.entries > _MOST_ENTRIES:
             raise OSError(0, f"more than {_MOST_ENTRIES} files, folders and links would be copied")
@@ -207,12 +204,16 @@ class _Copying:
         known = (about.st_dev, about.st_ino)
         if known in self.known:  # the same file as one that is never copied
             return
-        if regular_file.has_further_names(about) and is_from_elsewhere(about, self._own_folder(source), self.names):
-            raise OSError(errno.EXDEV, ELSEWHERE, source)  # once it is copied, nobody knows it again
+        self._check_own(source, about)
         self.bytes += len(content)
         if self.bytes > _MOST_BYTES:
             raise OSError(0, f"more than {_MOST_BYTES // regular_file.MIB} MiB would be copied")
         self.tree.write(place, content, stat.S_IMODE(about.st_mode) & 0o777)
+
+    def _check_own(self, source: str, about: os.stat_result) -> None:
+        """Refuse a file or a link that is from elsewhere: once it is copied, nobody knows it again."""
+        if regular_file.has_further_names(about) and is_from_elsewhere(about, self._own_folder(source), self.names):
+            raise OSError(errno.EXDEV, ELSEWHERE, source)
 
     def _own_folder(self, source: str) -> str:
         """Return the innermost folder around a file: further up lie the files of whoever laid another one over it."""

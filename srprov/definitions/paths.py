@@ -8,6 +8,8 @@ also inside a folder.
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import os
 import stat
 from collections.abc import Iterator
@@ -15,7 +17,7 @@ from collections.abc import Iterator
 from srprov import regular_file
 from srprov.codes import Code
 from srprov.definitions.homes import homes_in
-from srprov.definitions.version_control import is_kept
+from srprov.definitions.version_control import is_from_elsewhere, is_kept
 from srprov.yamldoc import nodes
 from srprov.yamldoc.allowance import Allowance, Left, current
 from srprov.yamldoc.nodes import Findings, Path, Scalar
@@ -103,6 +105,22 @@ def is_left(node: Scalar, path: str, at: Path) -> bool:
     return True
 
 
+def by_strange_link(node: Scalar, findings: Findings, at: Path) -> bool:
+    """Return whether a relative path leads by a link that has several names, and add that, then.
+
+    An archive may have made a link of the user's one of the folder: nothing may be told of where it leads.
+    """
+    way = itertools.accumulate(os.path.normpath(node.text).split("/"), os.path.join, initial=node.source.folder)
+    for path in way if "\0" not in node.text and not os.path.isabs(node.text) else ():
+        with contextlib.suppress(OSError):  # it is told where it is needed
+            about = os.lstat(path)
+            if stat.S_ISLNK(about.st_mode) and regular_file.has_further_names(about):
+                message = f"'{node.text[:80]}' leads by a link that has another name, elsewhere (a hard link)"
+                findings.add(node, message, at, "make that link anew, or name what it leads to", code=Code.OUTSIDE)
+                return True
+    return False
+
+
 def named(node: Scalar) -> str:
     """Return the absolute path that a scalar names relative to its own file: whoever reads or judges it takes this one.
 
@@ -119,6 +137,8 @@ def resolve(node: Scalar, experiment_folder: str, findings: Findings, path: Path
     text = node.text
     if "\0" in text or os.path.isabs(text) or text.startswith("~"):
         findings.add(node, f"'{text[:80]}' must be a relative path in the experiment's folder", path, code=Code.OUTSIDE)
+        return ""
+    if by_strange_link(node, findings, path):
         return ""
     folder = node.source.folder
     root = root_for(folder, experiment_folder)
@@ -182,7 +202,8 @@ def _fault_of_each(path: str, root: str, left: Allowance) -> str:
         except OSError as error:
             return f"cannot be read: {error.strerror}"
         if stat.S_ISLNK(about.st_mode):
-            if not _is_below(os.path.realpath(full), inner):
+            # one that an archive gave this name is asked for: nothing is told of where it leads
+            if not is_from_elsewhere(about, inner) and not _is_below(os.path.realpath(full), inner):
                 return f"holds a link that leaves the folder {shown_folder(root)}: {os.path.relpath(full, path)}"
         elif stat.S_ISREG(about.st_mode):
             size += about.st_size

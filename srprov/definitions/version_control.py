@@ -64,7 +64,7 @@ def names_in(root: str) -> Names:
         known[root] = found = Counter[tuple[int, int]]()
         for parent, folders, files in () if homes_in(root) else regular_file.walk(root):
             folders[:] = [one for one in folders if not _is_users(parent, one)]
-            own = (one for one in files if one.casefold() not in VERSION_CONTROL_IN_ANY_CASE)
+            own = (one for one in (*files, *folders) if one.casefold() not in VERSION_CONTROL_IN_ANY_CASE)
             for about in (_status(os.path.join(parent, one)) for one in own):
                 if about and regular_file.has_further_names(about):
                     found[about.st_dev, about.st_ino] += 1
