@@ -63,7 +63,7 @@ class Host(msgspec.Struct, frozen=True, kw_only=True):
 
 def read_host(replies: Sequence[Reply], notes: Notes) -> Host:
     """Read the replies to all of QUESTIONS."""
-    said = {question.name: reply.out for question, reply in zip(QUESTIONS, replies, strict=True)}
+    said = {question.name: question.answer(reply) for question, reply in zip(QUESTIONS, replies, strict=True)}
     system = lines_of(said["system"], 400)
     base, is_debian = _base(system, notes)
     packages = debian.parse_packages(said["packages"], notes) if is_debian else ()

@@ -5,6 +5,7 @@ Takes texts of robots, gives values. Pure. What looks like a secret in them is h
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -40,6 +41,8 @@ class Notes:
     found: list[Note] = field(default_factory=list)
     left_out: int = 0
     """Notes beyond the most that are kept."""
+    _kept: Counter[Kind] = field(default_factory=Counter)
+    _known: set[Note] = field(default_factory=set)
 
     def lost(self, subject: str, words: str) -> None:
         """Say that something was not captured."""
@@ -54,13 +57,14 @@ class Notes:
         self._add("secret", subject, words)
 
     def _add(self, kind: Kind, subject: str, words: str) -> None:
-        note = Note(kind, masked(text(subject, length=_SUBJECT)), masked(text(words, length=_WORDS)))
-        if note in self.found:
-            return
-        if sum(one.kind == kind for one in self.found) < MOST:
-            self.found.append(note)
-        else:
+        if self._kept[kind] == MOST:  # before its words are looked through: a robot may give any number of them
             self.left_out += 1
+            return
+        note = Note(kind, masked(text(subject, length=_SUBJECT)), masked(text(words, length=_WORDS)))
+        if note not in self._known:
+            self._known.add(note)
+            self._kept[kind] += 1
+            self.found.append(note)
 
     def all(self) -> tuple[Note, ...]:
         """Return all of them; the last one says how many there are more."""

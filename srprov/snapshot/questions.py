@@ -12,7 +12,7 @@ from __future__ import annotations
 import msgspec
 
 from srprov.sandbox import sandboxed_there
-from srprov.wire import EngineQuery, Query, quote
+from srprov.wire import EngineQuery, Query, Reply, quote
 
 MOST_PACKAGES = 3 << 20
 """Bytes of the list of packages."""
@@ -102,21 +102,27 @@ class Question(msgspec.Struct, frozen=True):
 
     name: str
     command: str
+    most: int
+    """Bytes that it lets a robot answer, before base64."""
 
     def query(self) -> Query:
         """Return it as it travels."""
         return Query(command=self.command, timeout_s=40)
 
+    def answer(self, reply: Reply) -> str:
+        """Return what a robot said; nothing where that is more than it may say: none of it is believed, then."""
+        return reply.out if len(reply.out) <= 2 * self.most else ""
+
 
 QUESTIONS = (
-    Question("system", _SYSTEM),
-    Question("packages", _PACKAGES),
-    Question("states", _STATES),
-    Question("sources", _SOURCES),
-    Question("metadata", _METADATA),
-    Question("repositories", _REPOSITORIES),
-    Question("workspaces", _WORKSPACES),
-    Question("files", _OWN_FILES),
+    Question("system", _SYSTEM, 32 << 10),
+    Question("packages", _PACKAGES, MOST_PACKAGES),
+    Question("states", _STATES, MOST_STATES),
+    Question("sources", _SOURCES, MOST_SOURCES),
+    Question("metadata", _METADATA, MOST_METADATA),
+    Question("repositories", _REPOSITORIES, MOST_LISTED),
+    Question("workspaces", _WORKSPACES, MOST_LISTED),
+    Question("files", _OWN_FILES, MOST_LISTED),
 )
 """In the order of asking."""
 ENGINE = (

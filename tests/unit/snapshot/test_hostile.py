@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import time
 from collections.abc import Sequence
@@ -17,8 +18,9 @@ from srprov.snapshot.containers import service_of
 from srprov.snapshot.debian import parse_packages
 from srprov.snapshot.folder import Robot
 from srprov.snapshot.hider import Hider
-from srprov.snapshot.host import Host
-from srprov.snapshot.notes import Notes
+from srprov.snapshot.host import Host, read_host
+from srprov.snapshot.notes import MOST, Notes
+from srprov.snapshot.questions import END, QUESTIONS
 from srprov.snapshot.repositories import CLONES, fetchable
 from srprov.snapshot.secret_names import Give, SecretNames
 from srprov.snapshot.sources import is_distributions, parse_keys, parse_sources
@@ -154,3 +156,23 @@ def test_a_robot_s_folder_is_no_other_robot_s() -> None:
         assert fetchable(odd, "repository x", Notes(robot="robot1")) == f"file://{CLONES}/robot1/opt/git/nav"
     clones = {fetchable("/opt/git/nav", "repository x", Notes(robot=robot)) for robot in ("robot1", "robot2")}
     assert clones == {f"file://{CLONES}/robot1/opt/git/nav", f"file://{CLONES}/robot2/opt/git/nav"}
+
+
+@pytest.mark.parametrize("times", [1, 8])
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("repositories", "0 l /a\0"),
+        ("metadata", "dist /a\0\x0048\0"),
+        ("metadata", "dist /a-1.dist-info\0Name: a\nVersion: 1\0\0"),
+        ("packages", "ii \ta\tarm64\t1\tno\toptional\t\t\n"),
+    ],
+)
+def test_a_robot_that_says_more_than_it_was_asked_for_takes_no_time(name: str, said: str, times: int) -> None:
+    """Questions bound their answers on the robot; one that lies may send sixteen megabytes."""
+    whole = (said * ((1 << 20) // len(said))).encode()
+    out = (base64.b64encode(whole + END.encode()) if name != "packages" else whole).decode() * times
+    replies = [Reply(status=0, out=out if one.name == name else "") for one in QUESTIONS]
+    notes = Notes()
+    bounded(lambda: read_host(replies, notes))
+    assert len(notes.all()) <= 3 * MOST + 1
