@@ -48,8 +48,7 @@ def load_experiment(
 
     `fetch` gives a folder with the files of a repository's branch, tag or commit; without it no CDF is fetched.
     Services that have profiles are left out unless one of theirs is among `profiles`, or `*`. Files that are not the
-    experiment's own are looked at with `outside` alone: the user allowed it. Its own lie in `home`, by default in the
-    EDF's folder.
+    experiment's own, in `home` or else the EDF's folder, are looked at with `outside` alone: the user allowed it.
 
     What validates but could not be read is listed in `Definitions.unsupported`; whoever acts must refuse it.
 
@@ -179,10 +178,13 @@ def checked(
     Raises:
         UsageError: An EDF has no service with such a profile.
     """
+    from srprov.definitions import hiding
+
     found, left = set[Diagnostic](), set[Diagnostic]()
-    for path in paths:
+    for path in map(str, paths):
         try:
-            left.update(_check(str(path), profiles, outside=outside))
+            away = not outside and hiding.is_elsewhere(path)
+            left.update([hiding.note_on(path)] if away else _check(path, profiles, outside=outside))
         except DefinitionError as error:
             found.update(error.problems)
     return sorted(found), sorted(left)
@@ -194,16 +196,14 @@ def remarks(paths: Sequence[str | Path]) -> list[Diagnostic]:
     Raises:
         DefinitionError: A file is no YAML.
     """
-    from srprov.definitions import dockerfile, dollars, file_named_volumes
-    from srprov.definitions.paths import folder_of, inside, link_out
+    from srprov.definitions import dockerfile, dollars, file_named_volumes, hiding
     from srprov.yamldoc import loader
 
     found: set[Diagnostic] = set()
-    for path in map(str, paths):
+    # a remark is told with its line, so there is none on what a link leads to elsewhere
+    for path in (one for one in map(str, paths) if not hiding.is_elsewhere(one)):
         kind = file_kind(path)
-        # a remark is told with its line, so there is none on what a link leads to elsewhere
-        away = link_out(path) or not inside(path, folder_of(path))
-        if kind in ("edf", "cdf") and not dockerfile.is_dockerfile(path) and not away:
+        if kind in ("edf", "cdf") and not dockerfile.is_dockerfile(path):
             root = loader.read(path)
             found.update((*dollars.remarks_on(root, kind), *file_named_volumes.remarks_on(root, kind)))
     return sorted(found)

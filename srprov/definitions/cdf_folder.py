@@ -31,7 +31,7 @@ def experiment_folder(cdf: str) -> str:
     own = current = os.path.dirname(os.path.abspath(cdf))
     for _ in range(_ABOVE):
         current = os.path.dirname(current)
-        if _leads_to(_edfs(current), os.path.realpath(cdf)):
+        if _leads_to(_edfs(current), os.path.realpath(cdf), current):
             return current
     return own
 
@@ -45,17 +45,18 @@ def _edfs(folder: str) -> list[str]:
         return []
 
 
-def _leads_to(edfs: list[str], real: str) -> bool:
-    """Return whether a service of one of some EDFs has the CDF, or one that extends it."""
+def _leads_to(edfs: list[str], real: str, folder: str) -> bool:
+    """Return whether a service of one of a folder's EDFs has the CDF, or one that extends it, all by its own files."""
     seen, left = set[str](), list(edfs)
-    with allowance(_MOST_BYTES, _MOST_VALUES):
+    with allowance(_MOST_BYTES, _MOST_VALUES, folder):
         while left and len(seen) < _MOST_FILES:
             path = left.pop()
-            if path == real:
+            if path in seen or paths.is_closed(path):
+                continue
+            if os.path.realpath(path) == real:
                 return True
-            if path not in seen:
-                seen.add(path)
-                left += _named(path)
+            seen.add(path)
+            left += _named(path)
     return False
 
 
@@ -71,4 +72,4 @@ def _named(path: str) -> Iterator[str]:
     entries = services.entries.values() if isinstance(services, Map) else ()
     for node in (root.entries.get("extends"), *(one.entries.get("cdf") for one in entries if isinstance(one, Map))):
         if isinstance(node, Scalar) and node.text and "\0" not in node.text:
-            yield os.path.realpath(paths.named(node))
+            yield paths.named(node)

@@ -76,7 +76,7 @@ def _beside(cdf: Scalar, folder: str, findings: Findings, path: Path) -> str:
     """Return the absolute path of a CDF on this disk, or nothing."""
     key = paths.named(cdf)
     if "\0" not in key:
-        if paths.by_strange_link(cdf, findings, path) or paths.is_left(cdf, key, path):
+        if paths.is_left(cdf, key, path):
             return ""
         if os.path.isfile(key):
             return key

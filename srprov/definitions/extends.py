@@ -93,8 +93,6 @@ class ExtendsReader:
         if not isinstance(extends, Scalar) or not extends.text:
             return "", ""
         target = os.path.normpath(os.path.join(os.path.dirname(path), extends.text))
-        if paths.by_strange_link(extends, own, ("extends",)):
-            return "", ""
         if "\0" not in target and paths.is_left(extends, target, ("extends",)):
             self.unknown = True
             return "", ""

@@ -12,7 +12,7 @@ import shlex
 from collections.abc import Callable, Collection, Iterable
 
 from srprov.codes import Code
-from srprov.definitions.paths import inside, lies_open, shown_folder
+from srprov.definitions.paths import inside, lies_open, link_out, shown_folder
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc.nodes import Findings
 
@@ -36,6 +36,17 @@ def hide_outside(problems: Collection[Diagnostic], *folders: str) -> list[Diagno
             hint = f"see `srprov validate {shlex.quote(os.path.realpath(file))}`, or copy it into the folder"
             shown.append(Diagnostic(Location(one.location.file), message, hint=hint, code=Code.OUTSIDE))
     return list(dict.fromkeys(shown))
+
+
+def is_elsewhere(path: str) -> bool:
+    """Return whether a file that is to be checked is one elsewhere: by a link out, or a second name."""
+    return bool(link_out(path)) or not lies_open(path, os.path.dirname(os.path.abspath(path)))
+
+
+def note_on(path: str) -> Diagnostic:
+    """Return a note on such a file, of which nothing is looked at."""
+    message = "is a link out of its folder, or has another name elsewhere (a hard link)"
+    return Diagnostic(Location(path), f"{message}: it is not looked at without `--allow outside`", code=Code.OUTSIDE)
 
 
 def without_words(notes: Iterable[Diagnostic], folder: str) -> tuple[Diagnostic, ...]:

@@ -8,8 +8,6 @@ also inside a folder.
 
 from __future__ import annotations
 
-import contextlib
-import itertools
 import os
 import stat
 from collections.abc import Iterator
@@ -18,6 +16,7 @@ from srprov import regular_file
 from srprov.codes import Code
 from srprov.definitions.homes import homes_in
 from srprov.definitions.version_control import is_from_elsewhere, is_kept
+from srprov.definitions.ways import Ends, way_to
 from srprov.yamldoc import nodes
 from srprov.yamldoc.allowance import Allowance, Left, current
 from srprov.yamldoc.nodes import Findings, Path, Scalar
@@ -91,7 +90,9 @@ def is_closed(path: str) -> bool:
     It is asked for. Before, nothing is told of it, not even whether it is there.
     """
     limits = current.get()
-    return limits is not None and bool(limits.homes) and not any(belongs(path, home) for home in limits.homes)
+    if limits is None or not limits.homes:
+        return False
+    return not any(way_to(path, home).ends is Ends.INSIDE and belongs(path, home) for home in limits.homes)
 
 
 def is_left(node: Scalar, path: str, at: Path) -> bool:
@@ -103,22 +104,6 @@ def is_left(node: Scalar, path: str, at: Path) -> bool:
     whose = str(at[1]) if at[:1] == ("services",) else ""
     limits.left.append(Left(path, whose, nodes.problem(node, message, at, code=Code.OUTSIDE)))
     return True
-
-
-def by_strange_link(node: Scalar, findings: Findings, at: Path) -> bool:
-    """Return whether a relative path leads by a link that has several names, and add that, then.
-
-    An archive may have made a link of the user's one of the folder: nothing may be told of where it leads.
-    """
-    way = itertools.accumulate(os.path.normpath(node.text).split("/"), os.path.join, initial=node.source.folder)
-    for path in way if "\0" not in node.text and not os.path.isabs(node.text) else ():
-        with contextlib.suppress(OSError):  # it is told where it is needed
-            about = os.lstat(path)
-            if stat.S_ISLNK(about.st_mode) and regular_file.has_further_names(about):
-                message = f"'{node.text[:80]}' leads by a link that has another name, elsewhere (a hard link)"
-                findings.add(node, message, at, "make that link anew, or name what it leads to", code=Code.OUTSIDE)
-                return True
-    return False
 
 
 def named(node: Scalar) -> str:
@@ -138,26 +123,24 @@ def resolve(node: Scalar, experiment_folder: str, findings: Findings, path: Path
     if "\0" in text or os.path.isabs(text) or text.startswith("~"):
         findings.add(node, f"'{text[:80]}' must be a relative path in the experiment's folder", path, code=Code.OUTSIDE)
         return ""
-    if by_strange_link(node, findings, path):
-        return ""
     folder = node.source.folder
-    root = root_for(folder, experiment_folder)
-    try:
-        # looked up once: what is checked here is what is read later, by a path without links
-        real = os.path.realpath(named(node))
-        escapes, exists = not inside(real, root), os.path.exists(real)
-    except (OSError, ValueError):
-        real, escapes, exists = "", False, False
-    if real and not escapes and is_closed(real):
-        return real
-    code = Code.NO_SUCH_FILE
-    if escapes:
+    root, meant = root_for(folder, experiment_folder), named(node)
+    if not _is_below(meant, os.path.abspath(root)):
+        meant = os.path.normpath(os.path.join(os.path.realpath(folder), text))  # by links that led to the file itself
+    way = way_to(meant, root).ends
+    if way in (Ends.INSIDE, Ends.KEPT) and is_closed(meant):
+        return meant
+    # looked up once: what is checked here is what is read later, by a path without links
+    code, real = Code.NO_SUCH_FILE, os.path.realpath(meant) if way in (Ends.INSIDE, Ends.KEPT) else ""
+    if way is Ends.STRANGE:
+        wrong, hint = "leads by a link that has another name, elsewhere (a hard link)", "make that link anew"
+    elif not real or not inside(real, root):
         wrong, hint, code = (
             f"leaves the folder {shown_folder(root)}",
             "copy it into the experiment's folder",
             Code.OUTSIDE,
         )
-    elif not exists:
+    elif not os.path.exists(real):
         wrong, hint = "does not exist", f"it is looked for in {shown_folder(folder)}"
     elif tree and (fault := _fault_below(real, root)):
         wrong, hint = fault, _SHIPPED_HINT

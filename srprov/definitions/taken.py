@@ -16,6 +16,7 @@ from srprov.definitions.merging import FROM_CONTROLLER
 from srprov.definitions.model import Service
 from srprov.definitions.paths import belongs, inside, is_closed
 from srprov.definitions.version_control import ELSEWHERE
+from srprov.definitions.ways import Ends, Way, way_to
 from srprov.git_address import parse_address
 from srprov.secret import Secret, Vault
 from srprov.yamldoc.allowance import current
@@ -80,19 +81,20 @@ def _local_repositories(container: Container | None) -> Iterator[str]:
 
 
 def _named(path: str) -> str:
-    real = os.path.realpath(path)
-    if is_closed(real):
+    if is_closed(path):
         return left(path)
+    real = os.path.realpath(path)
     return f"{real}/" if os.path.isdir(real) else in_words(real)
 
 
 def left(path: str) -> str:
-    """Return the name of what was not looked at: where links lead, and nothing of what is there.
+    """Return the name of what was not looked at: where links in the folder lead, and nothing of what is elsewhere.
 
     Of a file in the folder it says that it has other names: it may be there by an archive's doing.
     """
-    real, limits = os.path.realpath(path), current.get()
-    return in_words(real) if limits and any(inside(real, home) for home in limits.homes) else real
+    limits = current.get()
+    way = way_to(path, limits.homes[0]) if limits and limits.homes else Way(Ends.OUT, path)
+    return way.place if way.ends is Ends.OUT else in_words(way.place)
 
 
 def in_words(path: str) -> str:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import itertools
 import os
 import re
+import stat
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -55,7 +56,7 @@ def checkout_of(folder: str) -> Checkout | None:
     shared = own
     if own != top / ".git" and own.parent.name == "worktrees":
         shared = own.parents[1]
-        if not (common := _line(own / "commondir")) or os.path.realpath(own / common) != str(shared):
+        if not (common := _line(own / "commondir")) or os.path.normpath(own / common) != str(shared):
             return None  # git goes by what stands there
     if _borrows(shared):
         return None
@@ -73,18 +74,19 @@ def checkout_of(folder: str) -> Checkout | None:
 def _own_folder(top: Path) -> Path | None:
     """Return where a checkout's HEAD lies: its `.git`, or the folder that this names and that names it in return.
 
-    Git writes both names into worktrees and submodules. Without the second one any repository could be named.
+    Git writes both names into worktrees and submodules. Without the second one any repository could be named. Names
+    are taken as texts: where a link of the user's leads must not show in what is found.
     """
     git = top / ".git"
-    if not git.is_file():
+    if _is_folder(git):
         return git
     word, _, named = _line(git).partition(" ")
-    own = Path(os.path.realpath(top / named))
+    own = Path(os.path.normpath(top / named))
     if word != "gitdir:" or not named:
         return None
     says = _worktree(_text(own / "config"))
     claimed = [own / _line(own / "gitdir"), *([own / says / ".git"] if says else [])]
-    return own if str(git) in map(os.path.realpath, claimed) else None
+    return own if str(git) in map(os.path.normpath, claimed) else None
 
 
 def _worktree(config: str) -> str:
@@ -107,15 +109,23 @@ def _borrows(shared: Path) -> bool:
     So it would where the folder is none to git, which goes on in those above.
     """
     objects = shared / "objects"
-    if not (objects.is_dir() and (shared / "refs").is_dir()):
+    if not (_is_folder(objects) and _is_folder(shared / "refs")):
         return True
     named = (shared / "commondir", objects / "info/alternates", objects / "info/http-alternates")
-    if objects.is_symlink() or any(map(os.path.lexists, named)):
+    if any(map(os.path.lexists, named)):
         return True
     try:
         return _has_links(os.fspath(objects))
     except OSError:
         return True
+
+
+def _is_folder(path: Path) -> bool:
+    """Return whether a folder is there, and no link to one."""
+    try:
+        return stat.S_ISDIR(os.lstat(path).st_mode)
+    except (OSError, ValueError):
+        return False
 
 
 def _has_links(objects: str) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -102,3 +103,32 @@ def test_files_beyond_number_are_not_looked_at(tmp_path: Path, monkeypatch: pyte
     assert commit_of(tmp_path) == COMMIT
     (git / "objects/00/99").touch()
     assert commit_of(tmp_path) == ""
+
+
+@pytest.mark.parametrize("name", ["refs", "objects", ""])
+def test_what_a_link_of_a_repository_leads_to_shows_in_nothing(tmp_path: Path, name: str) -> None:
+    """A run's record has the commit: with a link to a folder of the user's it told whether that is there."""
+    top, mine = tmp_path / "top", tmp_path / "mine"
+    checkout(top)
+    (top / ".git/HEAD").write_text(COMMIT + "\n")
+    assert commit_of(top) == COMMIT
+    checkout(tmp_path / "other").rename(mine)
+    (mine / "HEAD").write_text(COMMIT + "\n")
+    place = top / ".git" / name
+    shutil.rmtree(place)
+    place.symlink_to(mine / name)
+    assert commit_of(top) == ""
+    shutil.rmtree(mine)
+    assert commit_of(top) == ""
+
+
+@pytest.mark.parametrize("to", ["", "folder", "link"])
+def test_no_folder_on_the_way_to_a_repository_is_looked_at(tmp_path: Path, to: str) -> None:
+    top = submodule(tmp_path, "[core]\n\tworktree = ../../../../mine/../outer/s\n")
+    (top / ".git").write_text("gitdir: ../../mine/../outer/.git/modules/s\n")
+    mine = tmp_path / "mine"
+    if to == "folder":
+        mine.mkdir()
+    elif to == "link":
+        mine.symlink_to("/etc")
+    assert commit_of(top) == COMMIT

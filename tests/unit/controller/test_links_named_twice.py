@@ -72,10 +72,24 @@ def test_where_it_leads_decides_nothing(here: Path, capsys: pytest.CaptureFixtur
     assert told[0] == told[1] and told[0][0] == 0
 
 
-@pytest.mark.parametrize("words", ["cdf: data/c", "cdf: t.cdf", "cdf: d.cdf", "image: x, env_file: data/c/x"])
-def test_no_path_leads_by_it(here: Path, words: str, capsys: pytest.CaptureFixture[str]) -> None:
-    Path("t.cdf").write_text("cdf: 1\nextends: data/c\n")
-    Path("d.cdf").write_text("cdf: 1\ndockerfile: data/c\n")
+@pytest.mark.parametrize("by", ["data/c", "by"])
+@pytest.mark.parametrize("words", ["cdf: NAME", "cdf: t.cdf"])
+def test_a_definition_by_it_is_asked_for(here: Path, words: str, by: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("by").symlink_to("data/c")
+    Path("t.cdf").write_text(f"cdf: 1\nextends: {by}\n")
+    Path("e.edf").write_text(f"edf: 1\nname: e\nservices: {{a: {{{words.replace('NAME', by)}}}}}\n")
+    assert run(["validate", "e.edf"]) == 0
+    assert run(["plan", "e.edf", "-i", "inv.yml"]) == 9
+    said = "".join(capsys.readouterr())
+    assert WORD not in said and f"outside ({here}/exp/data/c: {ELSEWHERE})" in said
+
+
+@pytest.mark.parametrize("by", ["data/c", "by"])
+@pytest.mark.parametrize("words", ["cdf: d.cdf", "image: x, env_file: NAME/x", "image: x, volumes: ['./NAME:/x:ro']"])
+def test_no_path_leads_by_it(here: Path, words: str, by: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("by").symlink_to("data/c")
+    Path("d.cdf").write_text(f"cdf: 1\ndockerfile: {by}\n")
+    words = words.replace("NAME", by)
     Path("e.edf").write_text(f"edf: 1\nname: e\nservices: {{a: {{{words}}}}}\n")
     for verb in (["validate"], ["plan", "-i", "inv.yml"]):
         assert run([*verb, "e.edf"]) == 5

@@ -125,3 +125,55 @@ def test_with_permission_all_is_read_as_before(here: Path, capsys: pytest.Captur
     assert "it is not looked at without `--allow outside`" in capsys.readouterr().out
     assert run(["validate", "--allow", "outside", "e.edf"]) == 5
     assert "of which nothing is shown" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("services", ["{cdf: d/real.cdf}", "{cdf: t.cdf}", "{image: x, env_file: d/v.env}"])
+def test_a_way_that_leads_out_and_back_is_closed(here: Path, services: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The kernel looks at each folder on it: whether it is there, and where it leads if it is a link."""
+    Path("real.cdf").write_text("cdf: 1\nimage: busybox\n")
+    Path("v.env").write_text("A=1\n")
+    Path("d").symlink_to("../mine/sec/../../exp")
+    sec, said = here / "mine/sec", []
+    for make in (lambda: None, sec.mkdir, lambda: sec.symlink_to("../exp/seed"), lambda: sec.symlink_to("/etc")):
+        shutil.rmtree(sec) if sec.is_dir() and not sec.is_symlink() else sec.unlink(missing_ok=True)
+        make()
+        said.append(told(services, "cdf: 1\nextends: d/real.cdf\n", "", "", capsys))
+    assert all(one == said[0] for one in said)
+    assert "leaves the folder" in said[0][0][1] or "--allow outside" in said[0][0][1]
+
+
+def test_an_edf_elsewhere_gives_a_cdf_no_folder(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`a.edf` is a link to any file of the user's: whether that names the CDF would tell what is in it."""
+    Path("sub").mkdir()
+    Path("sub/x.cdf").write_text("cdf: 1\nbase: busybox\nfiles: [{src: ../seed, dest: /x}]\n")
+    Path("a.edf").symlink_to("../mine/a")
+    said = set()
+    for words in ("extends: sub/x.cdf\n", "extends: sub/y.cdf\n", "a: b: c\n"):
+        (here / "mine/a").write_text(words)
+        said.add((run(["validate", "sub/x.cdf"]), "".join(capsys.readouterr())))
+    assert len(said) == 1
+    Path("a.edf").unlink()
+    Path("a.edf").write_text("edf: 1\nname: e\nservices: {a: {cdf: sub/x.cdf}}\n")
+    assert run(["validate", "sub/x.cdf"]) == 0
+
+
+@pytest.mark.parametrize("name", ["l.edf", "l.cdf", "l.yml", "Dockerfile", "sub/l.edf"])
+@pytest.mark.parametrize("by", ["link", "second name"])
+def test_what_is_checked_is_no_file_elsewhere(
+    here: Path, name: str, by: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A check of all files of a project would tell of any file whether it is a definition that is right."""
+    Path("sub").mkdir()
+    Path("own.edf").write_text("edf: 1\nname: e\nservices: {a: {image: busybox}}\n")
+    said = set()
+    for words in ("edf: 1\nname: e\nservices: {a: {image: busybox}}\n", "cdf: 1\nimage: x\n", "a: b: c\n", "FROM x\n"):
+        (here / "mine/a").write_text(words)
+        Path(name).unlink(missing_ok=True)
+        if by == "link":
+            Path(name).symlink_to(here / "mine/a")
+        else:
+            os.link(here / "mine/a", name)
+        for given in ([name], ["."], [str(here / "exp" / name)]):
+            said.add((given[0], run(["validate", *given]), "".join(capsys.readouterr())))
+    assert len(said) == 3 and {status for _, status, _ in said} == {0}
+    assert any("it is not looked at without `--allow outside`" in text for given, _, text in said if given == name)

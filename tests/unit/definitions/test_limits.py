@@ -461,7 +461,7 @@ def test_what_is_no_file_is_refused_as_any_document(tmp_path: Path, kind: str) -
         place = tmp_path / name / kind if (tmp_path / name).is_dir() else tmp_path / kind
         place.unlink(missing_ok=True)
         os.symlink(tmp_path / name, place)
-        assert bounded(lambda place=place: check_files([place])), name
+        assert bounded(lambda place=place: checked([place], outside=True)[0]), name
 
 
 def test_a_folder_of_too_many_files_is_not_shipped(tmp_path: Path) -> None:
