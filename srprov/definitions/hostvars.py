@@ -74,10 +74,11 @@ def host(entry: HostEntry, variables: Variables, groups: tuple[str, ...], values
 def needs_trust(one: Host) -> bool:
     """Return whether a host has what only an inventory that the user named may say: it runs, or opens, something.
 
+    At a site other keys of his open other robots: which site is asked is for him to say.
     A password is told the address that stands beside it, and of two inventories each may say one of these.
     """
     passwords = one.password is not None or one.become_password is not None
-    return passwords or bool(one.ssh_options or one.identity_file) or one.connection == "local"
+    return passwords or bool(one.ssh_options or one.identity_file or one.site) or one.connection == "local"
 
 
 def own_files(scopes: Iterable[Variables], hosts: Iterable[Host]) -> tuple[str, ...]:

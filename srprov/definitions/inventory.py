@@ -83,7 +83,8 @@ def _finish(tree: HostTree, source: str, *, may_run: bool) -> Inventory:
         effective, shown = inherited.effective(tree.hosts[name], frozenset(groups))
         hosts[name] = one = hostvars.host(tree.hosts[name], effective, shown, values, tree.findings)
         if not may_run and hostvars.needs_trust(one):
-            message = f"'{name}' has a password, a key or ssh options, or is this machine: name this inventory yourself"
+            has = "a password, a key, ssh options or a site"
+            message = f"'{name}' has {has}, or is this machine: name this inventory yourself"
             tree.findings.add(tree.hosts[name].place, message, (), _NAME_IT, code=Code.UNNAMED_INVENTORY)
     if tree.findings.problems:
         raise DefinitionError(tree.findings.problems)

@@ -551,3 +551,12 @@ def test_no_line_of_a_lock_below_such_a_link_is_shown(here: Path, capsys: pytest
     assert run(["validate", "--allow", "outside", "sub/e.edf"]) == 5
     said = capsys.readouterr()
     assert MARK not in said.out + said.err and "is not valid" in said.out
+
+
+def test_an_inventory_that_a_project_names_says_no_site(here: Path) -> None:
+    """At a site other keys of the user's are at hand, and other robots."""
+    (here / "exp" / "inv.yml").write_text("all: {hosts: {r1: {ansible_host: 192.0.2.1, srprov_site: west}}}\n")
+    with pytest.raises(DefinitionError) as refused:
+        load_inventory(["inv.yml"], unnamed=["inv.yml"])
+    assert "ssh options or a site" in refused.value.problems[0].message
+    assert load_inventory(["inv.yml"]).hosts["r1"].site == "west", "the user's own may"
