@@ -23,7 +23,7 @@ _MOST_MEMBERSHIPS = 500_000
 _MOST_VARIABLES = 500_000
 """Of hosts and of those in groups, all counted together: fifty for each of the most hosts."""
 
-_MOST_LITERALS = 400_000
+_MOST_LITERALS = 300_000
 """Characters of values that Python reads, with some for each of them: it takes a second for half a million."""
 _OF_EACH = 8
 

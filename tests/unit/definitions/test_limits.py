@@ -284,7 +284,7 @@ INVENTORIES = {
     "lists in lists": (
         "h.ini",
         "r1\n[all:vars]\n" + f"a=[{f'{chr(91) * 50}{chr(93) * 50},' * 98}]\n" * 98,
-        "h.ini:43:3: error[SRP-110]: lists, maps and quoted values have more than 400000 characters",
+        "h.ini:33:3: error[SRP-110]: lists, maps and quoted values have more than 300000 characters",
     ),
     "a short list in each line": ("h.ini", "r1\n[all:vars]\n" + "a=[]\n" * 190_000, "lists, maps and quoted values"),
     "what is no list in each line": ("h.ini", "r1\n[all:vars]\n" + "a='\n" * 230_000, "lists, maps and quoted values"),
